@@ -46,14 +46,15 @@ def test_lines_are_at_most_100_columns(path):
 
 
 def test_every_template_compiles_and_is_used():
-    """Each template is the page, a section, or imported by another one."""
+    """Each template is a page, a section, or imported or included by another one."""
     environment = html_page._environment()
     sources = {p.name: p.read_text(encoding="utf-8") for p in Path(FOLDER / "templates").iterdir()}
     sections = {f"{key}.html" for key, _ in html_page.SECTIONS}
     for name in sources:
         environment.get_template(name)
-        imported = any(f'from "{name}" import' in text for text in sources.values())
-        assert name in PAGES or name in sections or imported, name
+        uses = (f'from "{name}" import', f'include "{name}"')
+        used = any(use in text for use in uses for text in sources.values())
+        assert name in PAGES or name in sections or used, name
     assert sections <= set(sources)
 
 

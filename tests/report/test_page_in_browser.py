@@ -1,18 +1,11 @@
 """The page in a browser without network: it draws, answers, and says nothing on the console."""
 
-import shutil
-
 import pytest
 from report_rows import CASES, ENV, SOLVERS, made
 
 from nsbench import write_report
 
-BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
-playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-pytestmark = pytest.mark.skipif(BROWSER is None, reason="no chromium on this machine")
 DRAWN = "#answer-chart[data-drawn=yes] canvas"
-
-
 GROUPS = {"tide": "Complementarity", "apple": "Filippov"}
 
 
@@ -30,37 +23,6 @@ class Rows:
 def file(tmp_path_factory):
     """The page of a study of a few cases and methods, as an address."""
     return write_report(Rows, tmp_path_factory.mktemp("page") / "report.html").as_uri()
-
-
-@pytest.fixture(scope="module")
-def browser():
-    """One browser for all tests."""
-    with playwright.sync_playwright() as driver:
-        started = driver.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
-        yield started
-        started.close()
-
-
-@pytest.fixture
-def open_page(browser, file):
-    """Open the page in a context with the given settings; it notes messages and requests."""
-    contexts = []
-
-    def opened(**settings):
-        context = browser.new_context(viewport={"width": 1200, "height": 900}, **settings)
-        contexts.append(context)
-        page = context.new_page()
-        page.said = []
-        page.requests = []
-        page.on("console", lambda message: page.said.append(message.text))
-        page.on("pageerror", lambda error: page.said.append(str(error)))
-        page.on("request", lambda request: page.requests.append(request.url))
-        page.goto(file)
-        return page
-
-    yield opened
-    for context in contexts:
-        context.close()
 
 
 @pytest.fixture

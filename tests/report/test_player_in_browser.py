@@ -1,7 +1,6 @@
 """Players in a browser: frames move, two runs stand beside each other, the budget can be shared."""
 
 import json
-import shutil
 
 import pytest
 from report_rows import row
@@ -12,9 +11,7 @@ from nsbench.cli import main
 from nsbench.report.scenes.files import scene_file, write_scenes
 from nsbench.report.scenes.player import choose_runs
 
-BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-pytestmark = pytest.mark.skipif(BROWSER is None, reason="no chromium on this machine")
 METHODS = ("pbd", "catching_up")
 CASES = ("discs[n=10]", "obstacle", "tide")
 PRICES = {"pbd": 1.0, "catching_up": 4.0}  # of a step, so that one budget is two steps
@@ -42,37 +39,6 @@ def file(tmp_path_factory):
     pandas.DataFrame(rows).to_parquet(out / "runs.parquet")
     (out / "cases.json").write_text(json.dumps(known))
     return write_report(out).as_uri()
-
-
-@pytest.fixture(scope="module")
-def browser():
-    """One browser for all tests."""
-    with playwright.sync_playwright() as driver:
-        started = driver.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
-        yield started
-        started.close()
-
-
-@pytest.fixture
-def open_page(browser, file):
-    """Open a page with the given settings; it notes messages and requests."""
-    contexts = []
-
-    def opened(address=file, **settings):
-        context = browser.new_context(viewport={"width": 1200, "height": 900}, **settings)
-        contexts.append(context)
-        page = context.new_page()
-        page.said = []
-        page.requests = []
-        page.on("console", lambda message: page.said.append(message.text))
-        page.on("pageerror", lambda error: page.said.append(str(error)))
-        page.on("request", lambda request: page.requests.append(request.url))
-        page.goto(address)
-        return page
-
-    yield opened
-    for context in contexts:
-        context.close()
 
 
 @pytest.fixture

@@ -26,6 +26,9 @@ MARKS = {  # Vega's names of the markers of style.SHAPES, where it has them
 # the others as paths around the origin, of the size that Vega's shapes have
 PATHS = {"X": "M-1-.6L-.6-1 0-.4.6-1 1-.6.4 0 1 .6.6 1 0 .4-.6 1-1 .6-.4 0Z"}
 
+# columns of the quantities that are charted, but for multipliers: impulse, or reaction
+METRICS = {"state": "state_sup", "violation": "feasibility", "selection": "selection"}
+
 Methods = list[tuple[str, Look]]
 Spec = dict
 

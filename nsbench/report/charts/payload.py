@@ -15,6 +15,7 @@ import math
 import numpy as np
 
 from nsbench.report.charts.layouts import (
+    METRICS,
     curve_chart,
     error_chart,
     order_chart,
@@ -32,7 +33,6 @@ DIGITS = 4
 # errors of the slider: half decades from 1e-1 to 1e-10
 TARGETS = tuple(10.0 ** (-k / 2) for k in range(2, 21))
 DEFAULT_TARGET = 4  # position of 1e-3 among TARGETS
-METRICS = {"state": "state_sup", "violation": "feasibility", "selection": "selection"}
 COSTS = {"seconds": "seconds", "rhs": "drift_calls"}
 SAME_STEP = 1e-6  # relative difference below which two accuracies are the same
 MAX_RUNS = 200  # of one method on one case; more are thinned evenly

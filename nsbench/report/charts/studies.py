@@ -9,14 +9,13 @@ from __future__ import annotations
 import numpy as np
 
 from nsbench.report.charts.files import with_data
-from nsbench.report.charts.layouts import Spec, curve_chart, error_chart, order_chart
+from nsbench.report.charts.layouts import METRICS, Spec, curve_chart, error_chart, order_chart
 from nsbench.report.data import Data, Runs, read
 from nsbench.report.figures import STEP_LABEL
 from nsbench.report.style import assign_looks
 from nsbench.report.summary import summarise
 from nsbench.trajectory import Trajectory
 
-METRICS = {"state": "state_sup", "violation": "feasibility", "selection": "selection"}
 TITLES = {
     "state": "state error",
     "force": "error of the multipliers",
