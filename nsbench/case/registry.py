@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import importlib
+import importlib.machinery
 import importlib.util
 import inspect
 import pkgutil
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from types import ModuleType
+from types import CodeType, ModuleType
 
 from nsbench import input_errors, user_code
 from nsbench.case.definition import Case
@@ -206,6 +208,28 @@ def get_case(name: str, **params: object) -> Case:
     return case
 
 
+class _FromSource(importlib.machinery.SourceFileLoader):
+    """Compile a file's text whenever it is executed.
+
+    Byte code is known by the second and the size of its source: a file that is edited twice in one
+    second ran as it was before, under the digest of what it is.
+    """
+
+    def get_code(self, fullname: str) -> CodeType:
+        return self.source_to_code(self.get_data(self.path), self.path)
+
+
+@contextlib.contextmanager
+def _without_byte_code() -> Iterator[None]:
+    """Let modules that a user's file imports leave no byte code, for the same reason."""
+    before = sys.dont_write_bytecode
+    sys.dont_write_bytecode = True
+    try:
+        yield
+    finally:
+        sys.dont_write_bytecode = before
+
+
 def load_module(path: str | Path) -> ModuleType:
     """Execute the case or solver file at `path` as a module of its own.
 
@@ -220,14 +244,20 @@ def load_module(path: str | Path) -> ModuleType:
             f"{path} is {path.stat().st_size} bytes long; a case or solver file has at most "
             f"{MAX_FILE_BYTES}"
         )
-    spec = importlib.util.spec_from_file_location(f"nsbench_file_{path.stem}", path)
-    if spec is None or spec.loader is None:
+    if path.suffix != ".py":
         raise ValueError(f"{path} is no Python file: its name must end in .py")
+    name = f"nsbench_file_{path.stem}"
+    loader = _FromSource(name, str(path))
+    spec = importlib.util.spec_from_file_location(name, path, loader=loader)
     module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # dataclasses look themselves up there
+    sys.modules[name] = module  # dataclasses look themselves up there
     try:
-        with opened_files.record_opens_while_loading(path), user_code.guarded(str(path)):
-            spec.loader.exec_module(module)
+        with (
+            opened_files.record_opens_while_loading(path),
+            user_code.guarded(str(path)),
+            _without_byte_code(),
+        ):
+            loader.exec_module(module)
     except (Exception, SystemExit) as e:  # user code: any failure is reported with its path
         raise ValueError(input_errors.describe(e, path)) from e
     return module

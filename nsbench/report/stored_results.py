@@ -110,7 +110,8 @@ def _read_parquet(path: Path) -> dict:
     # opened here: the library cannot open a name that the locale cannot encode
     with open_regular(path, MAX_TABLE_BYTES, path.parent) as file:
         try:
-            opened = ParquetFile(file)
+            # a thread of the reader that frees a buffer while Python ends aborts the process
+            opened = ParquetFile(file, pre_buffer=False)
             _check_expansion(path, opened.metadata)
             _check_types(path, opened.schema_arrow)
             file.seek(0)
@@ -119,7 +120,8 @@ def _read_parquet(path: Path) -> dict:
                 file,
                 read_dictionary=opened.schema_arrow.names,
                 page_checksum_verification=True,
-            ).read()
+                pre_buffer=False,
+            ).read(use_threads=False)
             metadata = table.schema.metadata or {}
             _check_schema(path, metadata.get(b"nsbench_schema", b"").decode("ascii", "replace"))
             return {

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import nsbench
@@ -276,3 +277,29 @@ def test_what_was_asked_for_versions_and_settings_are_part_of_a_key(monkeypatch)
             )
             assert key() != base
     assert key() == base
+
+
+EDITED = """
+import numpy as np
+from nsbench import Affine, Case, Complementarity
+from helper_of_edits import FACTOR
+drift = lambda xp: lambda t, x: -1.0 * FACTOR * x
+CASE = Case(name="edited", problem=Complementarity(drift, ()), x0=[1.0], t=np.linspace(0.0, 1.0, 5))
+"""
+
+
+@pytest.mark.survives("stale")
+def test_a_file_edited_within_a_second_runs_as_it_is_now(tmp_path, monkeypatch):
+    """Byte code is known by the second and the size of its source, and both are as before."""
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
+    monkeypatch.syspath_prepend(tmp_path)
+    file, helper = tmp_path / "edited.py", tmp_path / "helper_of_edits.py"
+    helper.write_text("FACTOR = 1.0")
+    drifts = []
+    for factor in ("1.0", "2.0"):
+        file.write_text(EDITED.replace("1.0 * FACTOR", f"{factor} * FACTOR"))
+        os.utime(file, (1e9, 1e9))
+        case = nsbench.load_case(file)
+        drifts.append(float(case.problem.drift(np)(0.0, np.ones(1))[0]))
+    assert drifts == [-1.0, -2.0]
+    assert not (tmp_path / "__pycache__").exists()

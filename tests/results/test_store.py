@@ -141,6 +141,23 @@ def test_tables_keep_every_column_and_row(tmp_path):
         assert frame.x[0] == 1.0 and np.isnan(frame.x[2])
 
 
+def test_reading_a_table_leaves_no_thread_behind(tmp_path):
+    """A thread of the reader that frees its buffer while Python ends aborts the process."""
+    tables.write_tables(tmp_path, [{"case": "tide", "state_sup": 0.1 * k} for k in range(100)])
+    code = (
+        "import sys, psutil, pathlib\n"
+        "import numpy, pyarrow.parquet\n"
+        "from nsbench.report.stored_results import read_table\n"
+        "before = psutil.Process().num_threads()\n"
+        "read_table(pathlib.Path(sys.argv[1]))\n"
+        "print(psutil.Process().num_threads() - before)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True, timeout=120
+    )
+    assert done.stdout == "0\n", done.stderr
+
+
 def test_every_column_carries_unit_meaning_and_owner(tmp_path):
     import pyarrow.parquet
 
