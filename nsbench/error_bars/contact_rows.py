@@ -99,20 +99,29 @@ class ContactRows:
     def closed(self, t: np.ndarray, X: np.ndarray, rounds: int = 1) -> np.ndarray:
         """Return states (K, n) near X at which all contacts are closed: Gauss-Newton steps."""
         for _ in range(rounds if self.m else 0):
-            step = normal_part(self.gradients(t, X), self.gaps(t, X))
+            step = normal_part(self.gradients(t, X), self.gaps(t, X), is_refined=rounds == 1)
             X = X - step
             if np.abs(step).max() <= ROUNDING * np.abs(X).max():
                 break
         return X
 
 
-def normal_part(N: np.ndarray, g: np.ndarray) -> np.ndarray:
+def times(N: np.ndarray, d: np.ndarray) -> np.ndarray:
+    """Return (K, m) the products N d of N (K, m, n) and d (K, n)."""
+    return (N @ d[..., None])[..., 0]
+
+
+def normal_part(N: np.ndarray, g: np.ndarray, is_refined: bool = True) -> np.ndarray:
     """Return (K, n) the shortest d with N d = g, for N (K, m, n) and g (K, m).
 
-    Rows that depend on one another are damped by DAMPING; one step of iterative refinement.
+    Rows that depend on one another are damped by DAMPING; one step of iterative refinement, which
+    an iteration over N does without.
     """
+    if not g.any():
+        return np.zeros((len(g), N.shape[2]))
     q, A = multipliers(N, g)
-    q += np.linalg.solve(A, (g - np.einsum("kmn,kn->km", N, _back(N, q)))[..., None])[..., 0]
+    if is_refined:
+        q += np.linalg.solve(A, (g - times(N, _back(N, q)))[..., None])[..., 0]
     return _back(N, q)
 
 
@@ -124,7 +133,7 @@ def multipliers(N: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _back(N, q):
-    return np.einsum("kmn,km->kn", N, q)
+    return (q[:, None] @ N)[:, 0]
 
 
 def off_cone(N: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -133,7 +142,7 @@ def off_cone(N: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     The rest is what an inclusion x' in f + N^T q lacks. Where the unconstrained q is positive it is
     taken, else nonnegative least squares.
     """
-    q, _ = multipliers(N, np.einsum("kmn,kn->km", N, d))
+    q, _ = multipliers(N, times(N, d))
     for k in np.flatnonzero((q < 0.0).any(axis=1)):
         from scipy.optimize import nnls
 

@@ -2,7 +2,7 @@
 
 From a feasible state the motion goes on with the velocity that is the drift's projection on the
 cone of velocities which violate nothing (Moreau), until a gap closes or a multiplier vanishes; both
-times are found by bisection. Only the drift is approximated: by its value in the middle of a piece.
+times are found by Brent's method. Only the drift is approximated: by its value in the middle of a piece.
 """
 
 from __future__ import annotations
@@ -10,15 +10,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import brentq
 
-from nsbench.error_bars.contact_rows import ContactRows, multipliers, normal_part, off_cone
+from nsbench.error_bars.contact_rows import (
+    ContactRows,
+    multipliers,
+    normal_part,
+    off_cone,
+    times,
+)
 from nsbench.error_bars.shadow import CLOSED, NEWTON, Shadow
 
 PIECES = 2  # of an interval, beside those that events make
 MOST_PIECES = 200
-CLOSING = 45  # halvings of a piece for the time at which a gap closes
+CLOSING = 45  # bits of a piece to which the time is known at which a gap closes
 RELEASE = 20  # and at which a multiplier vanishes, which needs less: the motion has no kink there
-LOOKS = (0.25, 0.5, 0.75, 1.0)  # of a piece, where a gap may be found closed
+LOOKS = np.array([0.25, 0.5, 0.75, 1.0])  # of a piece, where a gap may be found closed
 
 
 @dataclass(frozen=True)
@@ -117,11 +124,15 @@ class _Piece:
         """Shorten the piece to the time at which the first open contact closes."""
         if not self.open.m:
             return
-        least = lambda s: self.open.gaps(np.array([self.t + s]), (self.y + s * self.v)[None]).min()
-        late = next((w for w in LOOKS if least(w * self.length) < 0.0), None)
+        looks = self.length * LOOKS
+        late = next((s for s in looks[self._least_gap(looks) < 0.0]), None)
         if late is not None:
-            is_past = lambda s: least(s) < 0.5 * CLOSED
-            self._cut(is_past, late * self.length, CLOSING)
+            above = lambda s: self._least_gap(np.array([s]))[0] - 0.5 * CLOSED
+            self._cut(above, late, CLOSING)
+
+    def _least_gap(self, s):
+        """Return (K,) the least gap of the open contacts at the times s (K,) of the piece."""
+        return self.open.gaps(self.t + s, self.y + s[:, None] * self.v).min(axis=1)
 
     def _stop_at_release(self, q):
         """Shorten the piece to the time at which the first acting multiplier vanishes."""
@@ -130,26 +141,29 @@ class _Piece:
             return
         rows = self.shadow.rows(acting)
 
-        def has_released(s):
-            at = np.array([self.t + s])
-            x = (self.y + s * self.v)[None]
-            N = rows.gradients(at, x)
-            pull = np.einsum("kmn,kn->km", N, self._field(s, x[0])[None]) + rows.rates(at, x)
-            return multipliers(N, -pull)[0].min() < 0.0
+        def least_load(s):
+            X = self.y + s[:, None] * self.v
+            N = rows.gradients(self.t + s, X)
+            pull = times(N, self.shadow.fields(self.t + s, X)) + rows.rates(self.t + s, X)
+            return multipliers(N, -pull)[0].min(axis=1)
 
-        if not has_released(0.0) and has_released(self.length):
-            self._cut(has_released, self.length, RELEASE)
+        first, last = least_load(np.array([0.0, self.length]))
+        if first >= 0.0 and last < 0.0:
+            self._cut(lambda s: least_load(np.array([s]))[0], self.length, RELEASE)
 
-    def _cut(self, is_past, late, halvings):
-        """Bisect for the time at which `is_past` turns true; the piece ends behind it."""
-        early = 0.0
-        for _ in range(halvings):
-            middle = 0.5 * (early + late)
-            if is_past(middle):
-                late = middle
-            else:
-                early = middle
-        self.length = late
+    def _cut(self, function, late, bits):
+        """End the piece behind the first zero of `function`, by Brent's method to late / 2^bits.
+
+        function: not negative at 0, negative at `late`, where it is negative at the end found.
+        """
+        step = late * 2.0**-bits
+        end, _ = brentq(function, 0.0, late, xtol=step, full_output=True, disp=False)
+        if not 0.0 <= end <= late:  # the drift is not finite in between
+            end = late
+        while end < late and not function(end) < 0.0:
+            end = min(late, end + step)
+            step *= 2.0
+        self.length = end
         self.is_cut = True
 
     def end(self) -> tuple[np.ndarray, float, np.ndarray]:
@@ -162,7 +176,7 @@ class _Piece:
         rest = self.v - F
         if rows.m:
             N = rows.gradients(self.t + s, X)
-            lack = np.einsum("kmn,kn->km", N, np.broadcast_to(self.v, F.shape))
+            lack = times(N, np.broadcast_to(self.v, F.shape))
             rest = rest - normal_part(N, lack + rows.rates(self.t + s, X))
             rest, _ = off_cone(N, rest)
         a, b, c = np.linalg.norm(rest, axis=1)

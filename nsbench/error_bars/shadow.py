@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from nsbench.dynamics.contacts.constraint_set import ConstraintSet
-from nsbench.error_bars.contact_rows import ContactRows, normal_part, off_cone
+from nsbench.error_bars.contact_rows import ContactRows, normal_part, off_cone, times
 
 CLOSED = 1e-12  # of own length: a gap that is zero up to rounding
 NEWTON = 6  # Gauss-Newton steps onto a curved face
@@ -81,7 +81,7 @@ class Shadow:
         if not rows.m:
             return F
         N = rows.gradients(t, Y)
-        return F - normal_part(N, np.einsum("kmn,kn->km", N, F) + rows.rates(t, Y))
+        return F - normal_part(N, times(N, F) + rows.rates(t, Y))
 
     def arcs(self, t: np.ndarray, H: np.ndarray, Y0, Y1, F0, F1, ids: Sequence[tuple]) -> Arcs:
         """Return the K arcs that begin at times t (K,), last H (K,), and lead from Y0 to Y1.
@@ -107,7 +107,7 @@ class Shadow:
             if rows.m:
                 N = rows.gradients(s, P)
                 # the normal velocity is that of the moving face, whatever the polynomial's is
-                lack = np.einsum("kmn,kn->km", N, dP) + rows.rates(s, P)
+                lack = times(N, dP) + rows.rates(s, P)
                 rest, q[:, e] = off_cone(N, rest - normal_part(N, lack))
             residual[:, e] = rest
             if w == 0.5:
