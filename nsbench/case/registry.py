@@ -248,7 +248,8 @@ def load_module(path: str | Path) -> ModuleType:
         raise ValueError(f"{path} is no Python file: its name must end in .py")
     name = f"nsbench_file_{path.stem}"
     loader = _FromSource(name, str(path))
-    spec = importlib.util.spec_from_file_location(name, path, loader=loader)
+    spec = importlib.machinery.ModuleSpec(name, loader, origin=str(path))
+    spec.has_location = True
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module  # dataclasses look themselves up there
     try:
