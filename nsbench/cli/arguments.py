@@ -294,9 +294,12 @@ def _add_calibrate(verbs) -> None:
 
 
 def _add_compare(verbs) -> None:
-    verb = _add_verb(verbs, "compare", "what differs between two folders of results")
+    verb = _add_verb(verbs, "compare", "what differs between folders of results")
     verb.add_argument("old", metavar="A")
     verb.add_argument("new", metavar="B")
+    verb.add_argument("more", metavar="C", nargs="*", help="more versions, for a history")
+    verb.add_argument("--html", metavar="FILE", help="write a page: changes, scatters, history")
+    verb.add_argument("--summary", metavar="FILE", help="append a summary in Markdown to this file")
     verb.add_argument(
         "--rtol",
         type=float,

@@ -2,7 +2,8 @@
 
 From a feasible state the motion goes on with the velocity that is the drift's projection on the
 cone of velocities which violate nothing (Moreau), until a gap closes or a multiplier vanishes; both
-times are found by Brent's method. Only the drift is approximated: by its value in the middle of a piece.
+times are found by Brent's method. Only the drift is approximated: by its value in the middle of a
+piece.
 """
 
 from __future__ import annotations

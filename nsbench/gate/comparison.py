@@ -152,7 +152,12 @@ def format_summary(findings: list[Finding], code: int) -> str:
         1: "Some numbers are not as in the baseline.",
         4: "Too little could be compared with the baseline.",
     }[code]
-    out = [f"### {verdict}", "", count_outcomes(findings) + ".", ""]
+    return format_changes(findings, verdict)
+
+
+def format_changes(findings: list[Finding], heading: str) -> str:
+    """Format in Markdown a heading, the counts, then a table of what is not as before."""
+    out = [f"### {escape_markdown(heading)}", "", count_outcomes(findings) + ".", ""]
     bad = [f for outcome in BAD for f in findings if f.outcome == outcome]
     if bad:
         out += ["| | case | method | at | number | |", "| --- | --- | --- | --- | --- | --- |"]

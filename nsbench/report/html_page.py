@@ -113,13 +113,14 @@ def render_page(content: Content) -> str:
     )
 
 
-def render_study_page(study: StudySection) -> str:
-    """Render the HTML document of one study alone."""
+def render_study_page(study: StudySection, title: str = "", heading: str = "") -> str:
+    """Render the HTML document of one section alone, by default under the title of a study."""
+    studies = next(s for s in SECTIONS if s[0] == "studies")
     return _render(
-        content=StudyHeader(f"nsbench study {study.name}", study.note),
+        content=StudyHeader(title or f"nsbench study {study.name}", study.note),
         looks={},
         payload="",
-        sections=[s for s in SECTIONS if s[0] == "studies"],
+        sections=[(studies[0], heading or studies[1])],
         cases=[],
         studies=(study,),
     )

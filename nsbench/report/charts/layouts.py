@@ -250,6 +250,35 @@ RUN_TIPS = [
 ]
 
 
+def history_chart(methods: Methods, versions: list[str], title: str) -> Spec:
+    """Lay out a number of every method over the versions, in their order.
+
+    points: rows with method, version, y.
+    """
+    x = {"field": "version", "type": "ordinal", "sort": versions, "title": None}
+    y = {**_logarithmic("y", title), "axis": {"format": ".3~g", "tickCount": 5}}
+    tips = [{"field": "method"}, {"field": "version"}, {"field": "y", "format": ".3~g"}]
+    return _chart(
+        [
+            {
+                "params": [PICK],
+                "mark": {"type": "line", "strokeWidth": 1.6},
+                "encoding": {
+                    "x": x,
+                    "y": y,
+                    "strokeDash": _dashes(methods),
+                    "color": _colour(methods),
+                    "opacity": _opacity(),
+                },
+            },
+            {
+                "mark": {"type": "point", "filled": True, "size": 40},
+                "encoding": {"x": x, "y": y, **_identity(methods), "tooltip": tips},
+            },
+        ]
+    )
+
+
 def _chart(layers: list[Spec]) -> Spec:
     """The frame that all charts share."""
     return {

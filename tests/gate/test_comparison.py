@@ -1,0 +1,114 @@
+"""`nsbench compare` as a page and as Markdown: what changed, against its interval, and the history."""
+
+import re
+
+import numpy as np
+import pytest
+from report_rows import row
+
+from nsbench.cli import main
+from nsbench.gate.comparison_page import comparison_section
+from nsbench.gate.versions import common_seconds, read_versions
+from nsbench.results import tables
+
+
+def results(folder, factor=1.0, order=1.0, seconds=1.0, solvers=("pbd", "theta")):
+    """Results on disk: errors factor * h^order, seconds that grow as 1 / h."""
+    h = 0.1 / np.unique(np.round(4 * 2 ** np.arange(0, 6.4, 0.35)))
+    wobble = 1.0 + 0.01 * np.cos(np.arange(len(h)))
+    rows = [
+        row(
+            "tide",
+            s,
+            float(v),
+            state_sup=float(factor * w * v**order),
+            impulse=float(2 * v),
+            seconds=float(seconds / v),
+        )
+        for s in solvers
+        for v, w in zip(h, wobble, strict=True)
+    ]
+    folder.mkdir(parents=True)
+    tables.write_tables(folder, rows)
+    return str(folder)
+
+
+@pytest.fixture
+def versions(tmp_path):
+    return [
+        results(tmp_path / "1.0"),
+        results(tmp_path / "1.1", factor=1.5, seconds=0.5),
+        results(tmp_path / "1.2", factor=1.5, order=1.3, seconds=0.25),
+    ]
+
+
+def changes(section):
+    return {
+        tuple(c.text for c in row.cells[1:4]): [c.text for c in row.cells[4:]]
+        for _, table in section.tables[:1]
+        for row in table.rows
+    }
+
+
+def section_of(folders, rtol=1e-6):
+    from nsbench.cli.compare import _compare
+
+    read = read_versions(folders)
+    return comparison_section(read, _compare(*read[-2:], rtol))
+
+
+def test_a_change_is_shown_with_both_numbers_and_its_per_cent(versions):
+    table = changes(section_of(versions[:2]))
+    before, after, change, interval = table["pbd", "ladder", "state constant"]
+    assert float(after) / float(before) == pytest.approx(1.5, rel=1e-2)
+    assert change == "+50 %" and interval == "–"
+
+
+def test_an_order_is_told_against_the_interval_of_before(versions):
+    section = section_of(versions[1:])
+    before, after, _, interval = changes(section)["pbd", "ladder", "state order"]
+    assert (before, after) == ("1.000", "1.300") or abs(float(after) - 1.3) < 0.01
+    assert interval.startswith("± ") and interval.endswith("outside")
+    assert "2 of 2 orders that changed lie outside" in section.evidence[0]
+
+
+def test_seconds_are_of_the_same_accuracy(versions, tmp_path):
+    read = read_versions(versions)
+    for values in common_seconds(read).values():
+        assert values[0] / values[1] == pytest.approx(2.0)
+        assert values[1] / values[2] == pytest.approx(2.0)
+    other = results(tmp_path / "other", solvers=("theta",))
+    assert list(common_seconds(read_versions([versions[0], other]))) == [("tide", "theta")]
+
+
+def test_the_history_is_relative_to_the_first_version(versions):
+    tables_ = dict(section_of(versions).tables)
+    seconds = tables_["History: seconds, over the first version"]
+    assert seconds.columns == ("method", "1.0", "1.1", "1.2")
+    assert [c.text for c in seconds.rows[0].cells] == ["pbd", "1", "0.5", "0.25"]
+    constants = tables_["History: constant of the state error, over the first version"]
+    assert constants.rows[0].cells[2].text == "1.5"
+
+
+def test_nothing_is_said_to_change_where_nothing_did(versions):
+    section = section_of([versions[0], versions[0]])
+    assert section.answer.startswith("Nothing changed") and not changes(section)
+    assert section.evidence[0] == "No order changed."
+
+
+def test_the_command_writes_a_page_and_markdown(versions, tmp_path, capsys):
+    page, summary = tmp_path / "c.html", tmp_path / "c.md"
+    args = ["compare", *versions, "--html", str(page), "--summary", str(summary)]
+    assert main(args) == 0
+    text = page.read_text(encoding="utf-8")
+    assert "What changed from 1.1 to 1.2?" in text and text.count("<img") == 4
+    assert "default-src" in text
+    assert {s[:5] for s in re.findall(r'<img [^>]*src="([^"]*)"', text)} == {"data:"}
+    assert "| state order |" in summary.read_text()
+    assert summary.read_text().startswith("### 1.2 against 1.1\n")
+    again = tmp_path / "again.html"
+    assert main(["compare", *versions, "--html", str(again)]) == 0
+    assert again.read_bytes() == page.read_bytes()
+    capsys.readouterr()
+    assert main(["compare", *versions]) == 2
+    assert "--html" in capsys.readouterr().err
