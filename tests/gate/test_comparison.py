@@ -36,9 +36,9 @@ def results(folder, factor=1.0, order=1.0, seconds=1.0, solvers=("pbd", "theta")
 @pytest.fixture
 def versions(tmp_path):
     return [
-        results(tmp_path / "1.0"),
-        results(tmp_path / "1.1", factor=1.5, seconds=0.5),
-        results(tmp_path / "1.2", factor=1.5, order=1.3, seconds=0.25),
+        results(tmp_path / "1.0", factor=2.0),
+        results(tmp_path / "1.1", factor=3.0, seconds=0.5),
+        results(tmp_path / "1.2", factor=3.0, order=1.3, seconds=0.25),
     ]
 
 
