@@ -145,3 +145,23 @@ def test_step_answers_for_a_case_and_an_error(capsys):
     assert error <= pbd["error"] <= 1e-2
     assert answer["cheapest"] == "pbd"
     assert main(["step", "tide", "--error", "much"]) == 2
+
+
+def test_error_bars_use_one_thread_of_blas(monkeypatch):
+    """A row of a worker, which has one, and a run in Python get the same bits, and no thread waits."""
+    from threadpoolctl import threadpool_info, threadpool_limits
+
+    from nsbench.error_bars import bars
+
+    threads = []
+
+    def look(*args):
+        threads.append(max(i["num_threads"] for i in threadpool_info() if i["user_api"] == "blas"))
+        return local_solution(*args)
+
+    local_solution = bars.local_solution
+    monkeypatch.setattr(bars, "local_solution", look)
+    with threadpool_limits(2, "blas"):
+        run = nsbench.solve(nsbench.get_case("tide"), "pbd", h=0.05)
+        assert np.isfinite(run.bound.state).all()
+    assert set(threads) == {1}
