@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from nsbench.plots.chart import Chart
 from nsbench.report.charts import studies
 from nsbench.trajectory import Trajectory
@@ -11,8 +13,10 @@ class StudyPlots:
     """Charts of a study, as `study.plot`.
 
     case: its key, by default the only one of the study. metric: "state", "force" (impulses, or the
-    reaction where multipliers are not unique), "violation" or "selection". Each method raises
-    ValueError for a case or metric that is not there, and where no run has a number.
+    reaction where multipliers are not unique), "violation" or "selection". highlight: a method that
+    keeps its colour over the grey background of all others. beside: a folder of results, as of a
+    released version, whose methods are drawn too where the study has not run them. Each method
+    raises ValueError for a case, metric or method that is not there, and where no run has a number.
     """
 
     def __init__(self, study: object):
@@ -22,13 +26,25 @@ class StudyPlots:
         """Return the charts that there are."""
         return "StudyPlots(error, work_precision, orders)"
 
-    def error(self, case: str | None = None, metric: str = "state") -> Chart:
+    def error(
+        self,
+        case: str | None = None,
+        metric: str = "state",
+        highlight: str = "",
+        beside: str | Path = "",
+    ) -> Chart:
         """Draw an error over the step."""
-        return Chart(studies.error_against_step(self._study, case, metric))
+        return Chart(studies.error_against_step(self._study, case, metric, highlight, beside))
 
-    def work_precision(self, case: str | None = None, metric: str = "state") -> Chart:
+    def work_precision(
+        self,
+        case: str | None = None,
+        metric: str = "state",
+        highlight: str = "",
+        beside: str | Path = "",
+    ) -> Chart:
         """Draw an error over the seconds of a run."""
-        return Chart(studies.work_precision(self._study, case, metric))
+        return Chart(studies.work_precision(self._study, case, metric, highlight, beside))
 
     def orders(self, metric: str = "state") -> Chart:
         """Draw all fitted orders with their 95 % intervals, a line per case."""

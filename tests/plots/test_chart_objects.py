@@ -7,6 +7,7 @@ import pytest
 
 import nsbench
 from nsbench.report.charts import studies
+from nsbench.results import tables
 
 STEPS = 0.05 / np.array([1, 2, 3, 5, 8])
 
@@ -29,6 +30,29 @@ def test_charts_of_a_study_are_those_of_its_rows(study):
     drawn = points(study.plot.work_precision())
     seconds = {p["x"] for p in drawn if p["kind"] != "floor"}
     assert seconds == {r["seconds"] for r in study.rows}
+
+
+def colours(chart):
+    """Colours of the methods of a chart, from the scale of its points."""
+    layer = next(v for v in chart.spec["layer"] if "shape" in v["encoding"])
+    scale = layer["encoding"]["color"]["scale"]
+    return dict(zip(scale["domain"], scale["range"], strict=True))
+
+
+def test_one_method_keeps_its_colour_over_those_of_a_folder_of_results(study, tmp_path):
+    plain = colours(study.plot.error())
+    archive = tmp_path / "0.1.0"
+    archive.mkdir()
+    released = nsbench.run(["tide", "apple"], ["catching_up", "pbd"], h=STEPS[:2])
+    tables.write_tables(archive, released.rows)
+    chart = study.plot.error(highlight="pbd", beside=archive)
+    drawn = colours(chart)
+    assert drawn == {"pbd": plain["pbd"], "catching_up": "#c9c9c9", "event_driven": "#c9c9c9"}
+    assert points(chart)[-1]["method"] == "pbd"
+    runs = [p for p in points(chart) if p.get("method") == "pbd"]
+    assert len(runs) == len(STEPS)  # those of the study, not of the archive
+    with pytest.raises(ValueError, match="'euler' has no run of tide"):
+        study.plot.error(highlight="euler")
 
 
 def test_orders_have_intervals(study):

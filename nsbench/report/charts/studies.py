@@ -6,13 +6,16 @@ nsbench.report.charts.files writes it as SVG, PDF or JSON.
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 
 from nsbench.report.charts.files import with_data
 from nsbench.report.charts.layouts import METRICS, Spec, curve_chart, error_chart, order_chart
 from nsbench.report.data import Data, Runs, read
 from nsbench.report.figures import STEP_LABEL
-from nsbench.report.style import assign_looks
+from nsbench.report.style import Look, assign_looks
 from nsbench.report.summary import summarise
 from nsbench.trajectory import Trajectory
 
@@ -25,19 +28,47 @@ TITLES = {
 MAX_POINTS = 400  # of one curve over time
 
 
-def work_precision(study: object, case: str | None = None, metric: str = "state") -> Spec:
+def work_precision(
+    study: object,
+    case: str | None = None,
+    metric: str = "state",
+    highlight: str = "",
+    beside: str | Path = "",
+) -> Spec:
     """Chart errors against the seconds of the runs.
 
     study: whatever nsbench.write_report takes. case: its key; by default the only one of the
     study. metric: state, force (impulse, or reaction where multipliers are not unique), violation
-    or selection. Raises ValueError for a case or metric that is not there.
+    or selection. highlight: a method that keeps its colour; all others are a grey background.
+    beside: a folder of results, such as those of a released version, whose methods are drawn too
+    where the study has not run them. Raises ValueError for a case, metric or method that is not
+    there.
     """
-    return _errors(study, case, metric, "seconds", "seconds of the run")
+    data = _with_results(read(study), beside)
+    return _errors(data, case, metric, ("seconds", "seconds of the run"), highlight)
 
 
-def error_against_step(study: object, case: str | None = None, metric: str = "state") -> Spec:
+def error_against_step(
+    study: object,
+    case: str | None = None,
+    metric: str = "state",
+    highlight: str = "",
+    beside: str | Path = "",
+) -> Spec:
     """Chart errors against the step; arguments as in work_precision."""
-    return _errors(study, case, metric, "h", STEP_LABEL)
+    return _errors(
+        _with_results(read(study), beside), case, metric, ("h", STEP_LABEL), highlight
+    )
+
+
+def _with_results(data: Data, folder: str | Path) -> Data:
+    """Add the methods of a folder of results that the study lacks, on the cases that it has."""
+    if not folder:
+        return data
+    other = read(Path(folder))
+    cases = set(data.case_keys)
+    more = {k: r for k, r in other.runs.items() if k[0] in cases and k not in data.runs}
+    return replace(data, runs={**data.runs, **more})
 
 
 def orders(study: object, metric: str = "state") -> Spec:
@@ -81,8 +112,9 @@ def trajectory(traj: Trajectory, what: str = "state") -> Spec:
     return with_data(curve_chart(title), points)
 
 
-def _errors(study: object, case: str | None, metric: str, x: str, title: str) -> Spec:
-    data = read(study)
+def _errors(data: Data, case, metric: str, axis: tuple[str, str], highlight: str) -> Spec:
+    """Chart the errors of one case over a column; axis: its name and its title."""
+    x, title = axis
     if metric not in TITLES:
         raise ValueError(f"there is no metric {metric!r}: {', '.join(TITLES)}")
     if case is None and len(data.case_keys) == 1:
@@ -98,11 +130,29 @@ def _errors(study: object, case: str | None, metric: str, x: str, title: str) ->
     if errors and floor > min(errors):
         points.append({"kind": "floor", "y": floor})
     used = {p.get("method") for p in points}
-    spec = error_chart(_methods(data, used), title, f"{TITLES[metric]}, {case}")
+    if highlight and highlight not in used:
+        raise ValueError(f"{highlight!r} has no run of {case} to highlight")
+    methods = _methods(data, used)
+    if highlight:  # drawn last, on top of the others
+        methods = [(s, look if s == highlight else Grey(look)) for s, look in methods]
+        points.sort(key=lambda p: p.get("method") == highlight)
+    spec = error_chart(methods, title, f"{TITLES[metric]}, {case}")
     kinds = {p["kind"] for p in points}
     kind = lambda layer: layer["transform"][0]["filter"]["equal"]
     spec["layer"] = [layer for layer in spec["layer"] if kind(layer) in kinds]
     return with_data(spec, points)
+
+
+class Grey(Look):
+    """The look of a method in the background: its marker and dashes, in grey."""
+
+    def __init__(self, look: Look) -> None:
+        super().__init__(look.index, look.tone, look.marker, look.line)
+
+    @property
+    def colour(self) -> str:
+        """The grey of all methods in the background."""
+        return "#c9c9c9"
 
 
 def _methods(data: Data, used: set) -> list:
