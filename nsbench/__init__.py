@@ -11,6 +11,8 @@ _HOME = {
     "Complementarity": "problem",
     "Filippov": "problem",
     "LCS": "problem",
+    "Hybrid": "problem",
+    "Transition": "problem",
     "Case": "case",
     "Scale": "case.scale",
     "get_case": "case",

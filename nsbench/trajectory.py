@@ -89,8 +89,8 @@ class Status:
 
 @dataclass(frozen=True)
 class Event:
-    """A located event: its time, kind (contact, release, enter, exit, cross, pivot) and the
-    contact's id."""
+    """A located event: its time, kind (contact, release, enter, exit, cross, pivot, transition) and
+    the id of the contact, surface or transition."""
 
     t: float
     kind: str
@@ -130,9 +130,9 @@ class Trajectory:
     t (k,), x (k, n); contacts: ids of the m contacts that ever acted, (family, i) or (family, i,
     j);
     impulse (k, m): cumulative integral of lambda dt (Filippov: of the weight theta of the positive
-    side, contact (0, i) for surface i); reaction (k, n): cumulative integral of sum lambda_k grad
-    g_k dt, unique even where lambda is not (Filippov: empty, (k, 0)). After a failure the remaining
-    samples are NaN.
+    side, contact (0, i) for surface i; hybrid: time spent in mode i); reaction (k, n): cumulative
+    integral of sum lambda_k grad g_k dt, unique even where lambda is not (Filippov, hybrid: empty,
+    (k, 0)). After a failure the remaining samples are NaN.
     lam_time: where in its step the method's multiplier belongs: "end", "start", "midpoint" or
     "mean".
     lam (k, m), lam_h (k,): multiplier and length of the last step before each sample, of fixed-step

@@ -15,7 +15,7 @@ from nsbench.case.spec import format_value
 from nsbench.case.validation import check_shapes
 from nsbench.html_summary import summary_table
 from nsbench.input_errors import named_fields, nearest
-from nsbench.problem import LCS, Complementarity, Filippov, _floats
+from nsbench.problem import LCS, Complementarity, Filippov, Hybrid, float_array
 
 START_POLICIES = ("error", "project", "keep")
 
@@ -28,7 +28,7 @@ class Case:
     Attributes (times and states are in the units of the problem, float64):
 
     name        letters, digits, "_", ".", "-"; at most 80
-    problem     Complementarity, Filippov or LCS
+    problem     Complementarity, Filippov, Hybrid or LCS
     x0          (n,) initial state
     t           (k,) sample times, increasing; t[0] is the start and t[-1] = T
     exact       t -> (k, n), closed form of the state, or None
@@ -82,15 +82,15 @@ class Case:
             raise ValueError(
                 f"case name {str(self.name)[:100]!r}: letters, digits, '_', '.', '-', at most 80"
             )
-        if not isinstance(self.problem, (Complementarity, Filippov, LCS)):
+        if not isinstance(self.problem, (Complementarity, Filippov, Hybrid, LCS)):
             raise TypeError(
                 f"problem of {self.name} is {type(self.problem).__name__}; "
-                "Complementarity, Filippov or LCS is needed"
+                "Complementarity, Filippov, Hybrid or LCS is needed"
             )
-        object.__setattr__(self, "x0", _floats(f"x0 of {self.name}", self.x0, 1))
+        object.__setattr__(self, "x0", float_array(f"x0 of {self.name}", self.x0, 1))
         if not self.x0.size:
             raise ValueError(f"x0 of {self.name} is empty; a state has at least one coordinate")
-        t = _floats(f"t of {self.name}", self.t, 1)
+        t = float_array(f"t of {self.name}", self.t, 1)
         if len(t) < 2 or np.any(np.diff(t) <= 0):
             where = int(np.argmax(np.diff(t) <= 0)) if len(t) > 1 else 0
             raise ValueError(
@@ -164,6 +164,8 @@ class Case:
         words = [kind, *self.tags]
         if kind == "complementarity" and not self.problem.constraints:
             words.append("smooth")
+        if kind == "hybrid" and len(self.problem.modes) == 1:
+            words.append("one_mode")
         if not self.unique:
             words.append("not_unique")
         return tuple(dict.fromkeys(words))

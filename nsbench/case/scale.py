@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from nsbench.input_errors import named_fields
-from nsbench.problem import _floats
+from nsbench.problem import float_array
 
 
 @named_fields
@@ -34,8 +34,8 @@ class Scale:
 
     def __post_init__(self):
         for name, value in (
-            ("time", float(_floats("scale.time", self.time, 0))),
-            ("state", _floats("scale.state", self.state)),
+            ("time", float(float_array("scale.time", self.time, 0))),
+            ("state", float_array("scale.state", self.state)),
         ):
             if np.any(np.less_equal(value, 0.0)):
                 raise ValueError(f"scale.{name} is {value}; positive numbers are needed")

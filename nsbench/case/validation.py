@@ -8,7 +8,7 @@ import numpy as np
 
 from nsbench.compilation.factories import as_numpy
 from nsbench.input_errors import remedy
-from nsbench.problem import LCS, Affine, Distance, Filippov, Smooth
+from nsbench.problem import LCS, Affine, Distance, Filippov, Hybrid, Smooth
 
 
 def check_shapes(case) -> None:
@@ -28,6 +28,8 @@ def check_shapes(case) -> None:
     with np.errstate(all="ignore"):
         if isinstance(p, Filippov):
             _check_modes(case, t0, x)
+        elif isinstance(p, Hybrid):
+            _check_transitions(case, t0, x)
         else:
             for c in p.constraints:
                 _check_family(case, c, t0, x)
@@ -99,6 +101,25 @@ def _check_modes(case, t0: float, x: np.ndarray) -> None:
             name = f"modes[{tuple(map(int, s))}]"
             value = evaluate(case, name, p.modes[tuple(map(int, s))], t0, x)
         _check_drift(case, "drift" if p.modes is None else name, value)
+
+
+def _check_transitions(case, t0: float, x: np.ndarray) -> None:
+    """Check drifts and resets (n,) and guards (numbers) of a hybrid system at the start."""
+    p = case.problem
+    for mode, drift in p.modes.items():
+        name = f"modes[{mode!r}]"
+        _check_drift(case, name, evaluate(case, name, drift, t0, x))
+    for k, transition in enumerate(p.transitions):
+        name = f"guard of transition {k}"
+        value = evaluate(case, name, transition.guard, t0, x)
+        if value.size != 1 or value.dtype != np.float64:
+            raise ValueError(
+                f"{name} of {case.name} returns {value.dtype} of shape {value.shape}; one float64 "
+                "is needed"
+            )
+        if transition.reset is not None:
+            name = f"reset of transition {k}"
+            _check_drift(case, name, evaluate(case, name, transition.reset, t0, x))
 
 
 def _check_family(case, c, t0: float, x: np.ndarray) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.diagnostics import drift_poles, rounding, step_instability
-from nsbench.diagnostics.base import ANY_PROBLEM, Check, Finding
+from nsbench.diagnostics.base import ANY_PROBLEM, WITHOUT_JUMPS, Check, Finding
 from nsbench.diagnostics.contacts import degenerate_normal, infeasible_constraints, passed_through
 from nsbench.diagnostics.filippov import (
     corner_velocity,
@@ -95,7 +95,7 @@ CHECKS = (
         UNVERIFIED,
         even_if_exact=True,
     ),
-    Check("drift_pole", ANY_PROBLEM, drift_poles.check_drift_pole, ("diverged", "unverified")),
+    Check("drift_pole", WITHOUT_JUMPS, drift_poles.check_drift_pole, ("diverged", "unverified")),
     Check(
         "step_instability",
         Complementarity,

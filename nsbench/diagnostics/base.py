@@ -10,9 +10,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from nsbench.diagnostics.run_view import RunView
-from nsbench.problem import LCS, Complementarity, Filippov
+from nsbench.problem import LCS, Complementarity, Filippov, Hybrid
 
-ANY_PROBLEM = (Complementarity, Filippov, LCS)
+ANY_PROBLEM = (Complementarity, Filippov, LCS, Hybrid)
+WITHOUT_JUMPS = (Complementarity, Filippov, LCS)  # whose states lie on the polygon of the samples
 
 
 @dataclass(frozen=True)

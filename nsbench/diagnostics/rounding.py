@@ -13,7 +13,7 @@ from nsbench.case.scale import size_text
 from nsbench.compilation.factories import as_numpy
 from nsbench.diagnostics.base import Finding
 from nsbench.diagnostics.run_view import RunView
-from nsbench.problem import LCS, Complementarity, Filippov
+from nsbench.problem import LCS, Complementarity, Filippov, Hybrid, Problem
 
 EPS = float(np.finfo(float).eps)
 LARGEST_SHARE = 1e-2  # of the motion that the rounding of all steps may add up to
@@ -73,9 +73,9 @@ def check_hidden_error(run: RunView) -> Finding | None:
     )
 
 
-def largest_speed(problem: Complementarity | LCS | Filippov, t: float, x: np.ndarray) -> float:
-    """Return the largest speed of a coordinate at x (n,) by the drift, or by a field off all
-    surfaces.
+def largest_speed(problem: Problem, t: float, x: np.ndarray) -> float:
+    """Return the largest speed of a coordinate at x (n,) by the drift, by that of any mode, or by a
+    field off all surfaces.
 
     Infinite at a pole.
     """
@@ -83,6 +83,8 @@ def largest_speed(problem: Complementarity | LCS | Filippov, t: float, x: np.nda
         speeds = [problem.A @ x + (as_numpy(problem.u)(t) if problem.u else 0.0)]
     elif isinstance(problem, Complementarity):
         speeds = [as_numpy(problem.drift)(t, x.copy())]
+    elif isinstance(problem, Hybrid):
+        speeds = [as_numpy(drift)(t, x.copy()) for drift in problem.modes.values()]
     else:
         field = as_numpy(problem.field)
         d = len(np.atleast_1d(as_numpy(problem.switch)(t, x)))

@@ -125,7 +125,7 @@ def restored_bars(found: Bars, t: np.ndarray, own: ScaledCase) -> Bars:
 def without_error_bars(case: Case) -> str:
     """Return why no run of the case has error bars, "" if runs may have them."""
     if not isinstance(case.problem, Complementarity):
-        return "Error bars are computed for constraints alone, not for switches or an LCS."
+        return "Error bars are computed for constraints alone, not for switches, modes or an LCS."
     if len(case.t) < 3:
         return "Error bars need three samples at least."
     if case.n > LARGEST:

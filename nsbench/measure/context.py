@@ -15,7 +15,7 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.compilation.factories import as_numpy
 from nsbench.dynamics.contacts.constraint_set import ConstraintSet, near_of
-from nsbench.problem import LCS, Complementarity, Filippov
+from nsbench.problem import LCS, Complementarity, Filippov, Hybrid, Problem
 from nsbench.reference import Reference, canonical, files_of, reference, spread
 
 WINDOW = 2  # sample spacings on each side of an event that are not "settled"
@@ -80,22 +80,18 @@ def event_times(case: Case, ref: Reference) -> np.ndarray:
     return case.t[1:-1][changes(case.problem, case.t, ref.impulse)]
 
 
-def pattern(
-    problem: Complementarity | LCS | Filippov, t: np.ndarray, impulse: np.ndarray
-) -> np.ndarray:
+def pattern(problem: Problem, t: np.ndarray, impulse: np.ndarray) -> np.ndarray:
     """Classify the multipliers of each interval, (k - 1, m): 1 where one acts, else 0.
 
-    Filippov: 0, 2 or, for a weight in between, 1. t (k,), impulse (k, m).
+    Filippov, and the modes of hybrid systems: 0, 2 or, in between, 1. t (k,), impulse (k, m).
     """
     mean = np.diff(impulse, axis=0) / np.diff(t)[:, None]
-    if isinstance(problem, Filippov):
+    if isinstance(problem, (Filippov, Hybrid)):
         return (mean > 1e-9).astype(int) + (mean > 1 - 1e-9)
     return (mean > 1e-9 * max(1.0, float(np.abs(mean).max(initial=0.0)))).astype(int)
 
 
-def changes(
-    problem: Complementarity | LCS | Filippov, t: np.ndarray, impulse: np.ndarray
-) -> np.ndarray:
+def changes(problem: Problem, t: np.ndarray, impulse: np.ndarray) -> np.ndarray:
     """Mark the inner samples (k - 2,) at which the pattern changes."""
     p = pattern(problem, t, impulse)
     return np.any(p[1:] != p[:-1], axis=1)
@@ -125,8 +121,10 @@ def tolerance(ref: Reference) -> float:
 def _active(case: Case, ref: Reference, scene: ConstraintSet | None) -> tuple:
     """Collect by sample the ids of closed contacts, acting diodes (LCS), or surfaces at zero.
 
-    Ids are canonical.
+    Ids are canonical. Of a hybrid system none: the mode follows from the motion before.
     """
+    if isinstance(case.problem, Hybrid):
+        return ((),) * len(case.t)
     tol = tolerance(ref)
     out = []
     p = case.problem

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsbench.problem import LCS, Complementarity, Filippov
+from nsbench.problem import Problem
 from nsbench.reference import canonical
 from nsbench.trajectory import Event
 
@@ -38,7 +38,7 @@ def match(found: np.ndarray, wanted: np.ndarray) -> np.ndarray:
 
 
 def event_errors(
-    problem: Complementarity | LCS | Filippov, found: tuple[Event, ...], wanted: tuple[Event, ...]
+    problem: Problem, found: tuple[Event, ...], wanted: tuple[Event, ...]
 ) -> tuple[float, int, int]:
     """Match the events of a run with those of the reference.
 

@@ -5,8 +5,10 @@ multipliers are impulse increments over the sample spacing D.
 
 feasibility       max over samples of max_k (-g_k)^+; LCS: of the interval means of -w, and at
 samples in rows without
-                  lam; Filippov: none (NaN)
-sign              least interval mean of a multiplier; Filippov: least of theta and 1 - theta
+                  lam; Filippov, hybrid: none (NaN)
+sign              least interval mean of a multiplier; Filippov: least of theta and 1 - theta;
+hybrid:
+                  least part of an interval that is spent in a mode
 complementarity   largest over intervals of (gap at both ends)^+ x mean multiplier; Filippov: c^+ (1
 - theta) and
                   (-c)^+ theta; LCS: mean w x mean lam where nothing switches. A contact that acts
@@ -21,6 +23,7 @@ velocity, and of
                   over the modes that the weights theta allow (between 0 and 1: both sides); a mean
                   of products is not the product of means, which is allowed for by a quarter of the
                   product of both ranges, O(D^2) for smooth theta
+                  Hybrid: of the equation of the mode, in intervals without a transition
 
 With two samples, how an integrand moves between them is not known: what needs a quadrature (the
 residual; feasibility and complementarity of an LCS) is NaN.
@@ -36,7 +39,7 @@ from nsbench.compilation.factories import as_numpy
 from nsbench.dynamics.filippov.convex_hull import distance_to_hull
 from nsbench.measure.context import MeasureContext, changes, near_of
 from nsbench.measure.quadrature import around, integrals, kinked_intervals
-from nsbench.problem import LCS, Filippov
+from nsbench.problem import LCS, Filippov, Hybrid
 from nsbench.reference import right_hand_side, spread
 from nsbench.trajectory import Trajectory
 
@@ -85,6 +88,9 @@ def _measured(frame: MeasureContext, traj: Trajectory) -> tuple[dict, np.ndarray
         if isinstance(frame.case.problem, Filippov):
             *found, off = _inclusion(frame.case, traj.contacts, t, x, impulse, kinked)
             found = *found, off.max(initial=0.0)
+        elif isinstance(frame.case.problem, Hybrid):
+            *found, off = _modes(frame.case.problem, t, x, impulse, kinked)
+            found = *found, np.nanmax(off, initial=0.0)
         else:
             lam = np.diff(impulse, axis=0) / np.diff(t)[:, None]
             args = frame, traj.contacts, t, x, impulse, reaction, lam
@@ -286,6 +292,28 @@ def _inclusion(case, contacts, t, x, impulse, kinked):
         )
         off[k] = max(0.0, distance_to_hull(v, np.array([means[m][k] for m in modes])) - slack)
     return float("nan"), float(np.minimum(theta, 1 - theta).min()), complementary, off
+
+
+def _modes(problem, t, x, impulse, kinked):
+    """Measure how far a run of a hybrid system is from the equation of its mode, by interval.
+
+    Returns feasibility (NaN), the least part of an interval that is spent in a mode,
+    complementarity (NaN), and the defects (k - 1,), NaN in intervals with a transition.
+    """
+    spent = np.diff(impulse, axis=0) / np.diff(t)[:, None]
+    mode = spent.argmax(axis=1) if spent.shape[1] else np.zeros(len(t) - 1, int)
+    off = np.full(len(t) - 1, np.nan)
+    for i, drift in enumerate(problem.modes.values()):
+        own = (mode == i) & ~kinked
+        if own.any():
+            f = as_numpy(drift)
+            F = np.array([f(a, b) for a, b in zip(t, x, strict=True)])
+            # samples in another mode, or after a jump, are no nodes of this one's quadrature
+            value, bound = integrals(t, F, ~own)
+            rho = np.maximum(np.abs(np.diff(x, axis=0) - value) - bound, 0.0) / np.diff(t)[:, None]
+            off[own] = rho.max(axis=1)[own]
+    least = float(np.min(spent, initial=0.0))
+    return float("nan"), least, float("nan"), off
 
 
 def _mixing(theta, F) -> np.ndarray:

@@ -10,7 +10,7 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.compilation.factories import as_numpy
-from nsbench.problem import LCS, Affine, Complementarity, Distance, Filippov
+from nsbench.problem import LCS, Affine, Complementarity, Distance, Filippov, Hybrid, Problem
 from nsbench.trajectory import Event
 
 EPS = float(np.finfo(float).eps)
@@ -123,8 +123,10 @@ def _checked(case, name, value, shape):
     return value
 
 
-def right_hand_side(problem: Complementarity | LCS | Filippov) -> Callable | None:
-    """Return f(t, x) without the multipliers' part, in numpy; None for a Filippov system."""
+def right_hand_side(problem: Problem) -> Callable | None:
+    """Return f(t, x) without the multipliers' part, in numpy; None for Filippov and hybrid systems,
+    which have several fields.
+    """
     if isinstance(problem, Complementarity):
         return as_numpy(problem.drift)
     if isinstance(problem, LCS):
@@ -134,8 +136,8 @@ def right_hand_side(problem: Complementarity | LCS | Filippov) -> Callable | Non
 
 
 def listed_contacts(case: Case) -> tuple:
-    """List the ids of the rows of the families in order (all pairs excepted), or of the surfaces of
-    the other classes.
+    """List the ids of the rows of the families in order (all pairs excepted), or of the surfaces or
+    modes of the other classes.
     """
     p = case.problem
     if isinstance(p, Complementarity):
@@ -144,12 +146,14 @@ def listed_contacts(case: Case) -> tuple:
         return tuple(ConstraintSet(p, case.n).all_static().ids)
     if isinstance(p, LCS):
         return tuple((0, i) for i in range(p.B.shape[1]))
+    if isinstance(p, Hybrid):
+        return p.contacts
     return tuple(
         (0, i) for i in range(len(np.asarray(as_numpy(p.switch)(float(case.t[0]), case.x0))))
     )
 
 
-def canonical(problem: Complementarity | LCS | Filippov, contact: tuple[int, ...]) -> tuple:
+def canonical(problem: Problem, contact: tuple[int, ...]) -> tuple:
     """Order a contact's id so that i < j where both are particles of one family."""
     c = tuple(int(v) for v in contact)
     if len(c) == 3 and c[1] > c[2] and isinstance(problem, Complementarity):
@@ -160,7 +164,7 @@ def canonical(problem: Complementarity | LCS | Filippov, contact: tuple[int, ...
 
 
 def spread(
-    problem: Complementarity | LCS | Filippov,
+    problem: Problem,
     contacts: Sequence[tuple],
     values: np.ndarray,
     columns: dict,
@@ -174,7 +178,7 @@ def spread(
     return out
 
 
-def columns_of(problem: Complementarity | LCS | Filippov, *lists: Sequence[tuple]) -> dict:
+def columns_of(problem: Problem, *lists: Sequence[tuple]) -> dict:
     """Assign one column to every contact of the lists of ids."""
     return {
         c: k for k, c in enumerate(sorted({canonical(problem, c) for ids in lists for c in ids}))

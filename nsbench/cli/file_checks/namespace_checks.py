@@ -15,7 +15,7 @@ from nsbench import input_errors
 from nsbench.case import Case
 from nsbench.compilation import factories
 from nsbench.dynamics.scaling.estimate import case_scale
-from nsbench.problem import LCS, Affine, Complementarity, Distance, Filippov, Smooth
+from nsbench.problem import LCS, Affine, Complementarity, Distance, Filippov, Hybrid, Smooth
 
 RANDOM_POINTS = 8
 HALVINGS = 30  # of the distance of a random point from the start, until it is feasible
@@ -49,6 +49,13 @@ def functions_of(case: Case) -> Iterator[Function]:
         yield Function(
             "drift", p.field, "txs", lambda v: factories.signed_rhs_cfunc(p.field, case.n, v)
         )
+    elif isinstance(p, Hybrid):
+        for mode, drift in p.modes.items():
+            yield Function(f"drift of mode {mode!r}", drift, "tx")
+        for k, transition in enumerate(p.transitions):
+            yield Function(f"guard of transition {k}", transition.guard, "tx")
+            if transition.reset is not None:
+                yield Function(f"reset of transition {k}", transition.reset, "tx")
     elif isinstance(p, LCS):
         for name in "uq":
             if getattr(p, name) is not None:
@@ -78,7 +85,8 @@ def check_functions(case: Case) -> list[str]:
         for function in functions_of(case):
             violations += _check_values(case, function, points) or [
                 *_check_numba(case, function, points),
-                *_check_jax(case, function, points),
+                # no method runs hybrid systems in JAX
+                *([] if isinstance(case.problem, Hybrid) else _check_jax(case, function, points)),
             ]
         if not violations:
             violations += _check_slopes(case, points)

@@ -15,7 +15,7 @@ from nsbench.case import Case
 from nsbench.case.scale import Scale
 from nsbench.compilation.factories import as_numpy
 from nsbench.dynamics.contacts.time_dependence import SmoothRows
-from nsbench.problem import LCS, Affine, Complementarity, Distance, Filippov, Smooth
+from nsbench.problem import LCS, Affine, Complementarity, Distance, Filippov, Hybrid, Smooth
 
 # parts of the run, from its start, at which the fields at the start are looked at: a motion that is
 # fast at first must not be judged by its end
@@ -98,14 +98,14 @@ def _time(case: Case, speeds: list[np.ndarray], sizes: np.ndarray, span: float) 
     `span` at most.
     """
     rate = max(float((np.abs(v) / sizes).max(initial=0.0)) for v in speeds)
-    if isinstance(case.problem, Filippov):
+    if isinstance(case.problem, (Filippov, Hybrid)):
         rate = max(rate, _switch_rate(case, span))
     return min(span, 1.0 / rate) if rate > 0.0 else span
 
 
 def _switch_rate(case: Case, span: float) -> float:
     """Return the largest rate at which time alone changes a switch, in parts of what it reaches."""
-    switch = as_numpy(case.problem.switch)
+    switch = _switches(case.problem)
     times = [float(case.t[0]) + part * span for part in LOOKS]
     c = np.array([np.atleast_1d(switch(t, case.x0.copy())) for t in times])
     later = np.array([np.atleast_1d(switch(t + INSTANT * span, case.x0.copy())) for t in times])
@@ -113,6 +113,14 @@ def _switch_rate(case: Case, span: float) -> float:
     slopes = np.nanmedian(np.abs(later - c), axis=0) / (INSTANT * span)  # a jump is no slope
     with np.errstate(all="ignore"):
         return float(np.nanmax(np.where(reached > 0.0, slopes / reached, 0.0), initial=0.0))
+
+
+def _switches(p: Filippov | Hybrid) -> Callable:
+    """Return (t, x) -> (d,) the switches of a Filippov system, or the guards of a hybrid one."""
+    if isinstance(p, Filippov):
+        return as_numpy(p.switch)
+    guards = [as_numpy(transition.guard) for transition in p.transitions]
+    return lambda t, x: np.array([float(np.asarray(c(t, x)).item()) for c in guards])
 
 
 def switch_sizes(case: Case) -> np.ndarray:
@@ -214,7 +222,8 @@ def _tried(f: Callable, x: np.ndarray) -> np.ndarray:
 
 
 def _fields(case: Case, t: float) -> list[Callable]:
-    """List functions of x: the drift at time t, or the fields on both sides of all surfaces."""
+    """List functions of x at time t: the drift, those of all modes, or the fields on both sides of
+    all surfaces."""
     p = case.problem
     if isinstance(p, LCS):
         u = as_numpy(p.u)(t) if p.u else 0.0
@@ -222,6 +231,9 @@ def _fields(case: Case, t: float) -> list[Callable]:
     if isinstance(p, Complementarity):
         drift = as_numpy(p.drift)
         return [lambda x: np.asarray(drift(t, x.copy()), float)]
+    if isinstance(p, Hybrid):
+        drifts = map(as_numpy, p.modes.values())
+        return [lambda x, f=f: np.asarray(f(t, x.copy()), float) for f in drifts]
     field = as_numpy(p.field)
     d = len(np.atleast_1d(as_numpy(p.switch)(t, case.x0.copy())))
     return [

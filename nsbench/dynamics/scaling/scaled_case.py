@@ -20,7 +20,7 @@ from nsbench.case import Case
 from nsbench.case.scale import Scale, in_units
 from nsbench.columns import by_name
 from nsbench.dynamics.scaling.estimate import case_scale, power_of_two, switch_sizes
-from nsbench.problem import LCS, Affine, Complementarity, Distance, Filippov, Smooth
+from nsbench.problem import LCS, Affine, Complementarity, Distance, Filippov, Hybrid, Smooth
 from nsbench.trajectory import Event, Trajectory
 
 
@@ -125,7 +125,7 @@ def scaled_case(case: Case, scale: Scale | None = None) -> ScaledCase:
     elif isinstance(p, LCS):
         problem, multiplier, gap = _lcs(p, t0, T, S)
     else:
-        problem = _filippov(p, t0, T, S)
+        problem = (_hybrid if isinstance(p, Hybrid) else _filippov)(p, t0, T, S)
         multiplier = gap = 1.0
     out = ScaledCase(case, t0, T, S, float(multiplier), float(gap))
     own = case.replace(
@@ -246,6 +246,20 @@ def _filippov(p: Filippov, t0: float, T: float, S: np.ndarray) -> Filippov:
     return Filippov(
         None, _function(p.switch, t0, T, S, np.ones(1)), _signed(p.field, t0, T, S), p.d
     )
+
+
+def _hybrid(p: Hybrid, t0: float, T: float, S: np.ndarray) -> Hybrid:
+    """Return the hybrid system in the units T and S; its guards have the user's."""
+    transitions = tuple(
+        dataclasses.replace(
+            tr,
+            guard=_function(tr.guard, t0, T, S, 1.0),
+            reset=_function(tr.reset, t0, T, S, 1.0 / S),
+        )
+        for tr in p.transitions
+    )
+    modes = {name: _function(drift, t0, T, S, T / S) for name, drift in p.modes.items()}
+    return Hybrid(modes, transitions, p.initial)
 
 
 def _lcs(p: LCS, t0: float, T: float, S: np.ndarray) -> tuple[LCS, float, float]:

@@ -18,7 +18,7 @@ from importlib import metadata
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.problem import LCS, Complementarity
+from nsbench.problem import LCS, Complementarity, Hybrid
 from nsbench.reference.reference import EPS, Reference
 from nsbench.trajectory import Event
 
@@ -56,8 +56,8 @@ def why_not(case: Case) -> str | None:
         return "python-flint is not installed (pip install nsbench[certify])"
     if not case.unique:
         return f"{case.key} has no unique solution"
-    if isinstance(case.problem, LCS):
-        return "linear complementarity systems have no certificates"
+    if isinstance(case.problem, (LCS, Hybrid)):
+        return f"{case.problem.kind}s have no certificates"
     if case.n > STATES:
         return f"{case.n} states; at most {STATES} are certified"
     if isinstance(case.problem, Complementarity):

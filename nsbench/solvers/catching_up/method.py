@@ -114,11 +114,8 @@ class CatchingUp(StepOrTolerance):
 
     def refuses(self, case: Case) -> str | None:
         if not isinstance(case.problem, Complementarity):
-            return "Catching up needs constraints to project on; this case is a " + (
-                "Filippov system."
-                if type(case.problem).__name__ == "Filippov"
-                else "linear complementarity system."
-            )
+            kind = case.problem.kind
+            return f"Catching up needs constraints to project on; this case is a {kind}."
         if not case.problem.constraints:
             return (
                 "Catching up needs constraints to project on; this case has none (it would be "

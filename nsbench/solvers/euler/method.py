@@ -1,4 +1,4 @@
-"""Euler's method on a Filippov field or a smooth system: explicit (chatters),
+"""Euler's method on a Filippov field, a hybrid or a smooth system: explicit (chatters),
 implicit (does not).
 """
 
@@ -15,13 +15,14 @@ from nsbench.case import Case
 from nsbench.case.scale import time_text
 from nsbench.compilation.factories import as_numpy, without_compilation
 from nsbench.dynamics.length_scale import length_scale
-from nsbench.problem import Complementarity, Filippov
+from nsbench.problem import LCS, Complementarity, Filippov, Hybrid
 from nsbench.solvers.base import Claims, Expect, Run, grid, last_steps, sample
 from nsbench.trajectory import STATES_BETWEEN, Resolution, Status, Trajectory
 
 STANDARD = ("euler", "euler[implicit=true]")
 EXPLICIT = (
     Expect(("smooth",), 1.0, None, "without constraints and surfaces there is no multiplier"),
+    Expect(("one_mode",), 1.0, None, "the time in a mode is no unknown where there is one mode"),
     Expect(
         ("exact_at_grid",),
         "open",
@@ -66,7 +67,8 @@ class Euler:
     exist (repulsive surfaces) the pattern of the last step wins; if that leads suddenly far, the
     nearest one (with at most five surfaces): fields that are stiff beyond a surface have solutions
     there too.
-    Without switching surfaces both are the textbook methods.
+    Without switching surfaces both are the textbook methods. Hybrid systems: explicit alone, with
+    transitions at the end of the step in which their guard passed zero.
     Source: Acary & Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008), chapters 9
     and 10.
     """
@@ -92,16 +94,25 @@ class Euler:
         p = case.problem
         if isinstance(p, Complementarity) and p.constraints:
             return "Euler has no way to keep g >= 0; use pbd or catching_up."
-        if not isinstance(p, (Complementarity, Filippov)):
+        if isinstance(p, LCS):
             return (
-                "Euler takes Filippov systems and plain smooth ones; this case is a linear "
-                "complementarity system."
+                "Euler takes Filippov systems, hybrid systems and plain smooth ones; this case is "
+                "a linear complementarity system."
+            )
+        if isinstance(p, Hybrid) and self.implicit:
+            return (
+                "Implicit Euler has no step for transitions, whose mode would have to be known at "
+                "its end; use euler or event_driven."
             )
         return None
 
     def prepare(self, case: Case, h: float) -> Run:
         """Bind the time loop to the case with the step h; return the run."""
         g = grid(case.t, h, last=case.exact_impulse is not None)
+        if isinstance(case.problem, Hybrid):
+            from nsbench.solvers.euler.hybrid_loop import HybridEuler
+
+            return lambda: HybridEuler(case, g).run()
         from nsbench.solvers.common.compiled_loop import bind_loop
         from nsbench.solvers.euler.kernels import loop as kernel
 

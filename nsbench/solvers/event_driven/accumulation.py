@@ -19,11 +19,13 @@ MAX_EVENTS_AT_ONE_INSTANT = 100
 INSTANT = 1e-10  # part of the run that counts as one instant
 
 
-def accumulation(times: Sequence[float], span: float) -> float | None:
+def accumulation(
+    times: Sequence[float], span: float, reached: float = REACHED
+) -> float | None:
     """Return the time at which the events accumulate once it is all but reached, else None.
 
     times: of the events, ascending. span: the own time of the case. The run should stop when the
-    rest of the geometric series is below REACHED of the span, or when times no longer differ
+    rest of the geometric series is below `reached` of the span, or when times no longer differ
     beyond rounding.
     """
     if len(times) <= 2 * WINDOW:
@@ -33,7 +35,7 @@ def accumulation(times: Sequence[float], span: float) -> float | None:
     if last + before <= 16 * np.spacing(abs(times[-1])):
         return times[-1]
     ratio = last / before if before > 0.0 else 1.0
-    if ratio < MAX_RATIO and last * ratio / (1.0 - ratio) <= REACHED * span:
+    if ratio < MAX_RATIO and last * ratio / (1.0 - ratio) <= reached * span:
         return times[-1] + last * ratio / (1.0 - ratio)
     return None
 

@@ -2,8 +2,8 @@
 
 Complementarity systems: a fixed set of active contacts on each arc (see contacts). Filippov
 systems: a fixed mode, sliding included (see filippov). Linear complementarity systems: a fixed set
-of rows with w = 0 (see lcs). Errors are those of the integrator at its tolerance: no order in a
-step is lost at kinks, and there is no fixed step.
+of rows with w = 0 (see lcs). Hybrid systems: one of their modes (see hybrid). Errors are those of
+the integrator at its tolerance: no order in a step is lost at kinks, and there is no fixed step.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import ClassVar
 
 from nsbench.case import Case
 from nsbench.diagnostics.base import Check
-from nsbench.problem import LCS, Complementarity
+from nsbench.problem import LCS, Complementarity, Hybrid
 from nsbench.solvers.base import Claims, Expect, Run, check_positive
 from nsbench.solvers.event_driven.amplified_error import CHECKS, CLAIM
 from nsbench.solvers.event_driven.smooth.integrators import INTEGRATORS
@@ -100,6 +100,8 @@ class EventDriven:
             from nsbench.solvers.event_driven.contacts.host_loop import prepare
         elif isinstance(case.problem, LCS):
             from nsbench.solvers.event_driven.lcs.loop import prepare
+        elif isinstance(case.problem, Hybrid):
+            from nsbench.solvers.event_driven.hybrid.loop import prepare
         else:
             from nsbench.solvers.event_driven.filippov.host_loop import prepare
         return prepare(case, self, tol)

@@ -13,7 +13,7 @@ from typing import ClassVar
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.problem import LCS, Complementarity, Filippov
+from nsbench.problem import Complementarity, Filippov
 from nsbench.solvers.base import Claims, Run, check_positive
 from nsbench.solvers.nosnoc.model import dense, model, untold_contacts, untold_fields
 from nsbench.trajectory import Resolution, Status, Trajectory
@@ -76,11 +76,8 @@ class Nosnoc:
 
     def refuses(self, case: Case) -> str | None:
         p = case.problem
-        if isinstance(p, LCS):
-            return (
-                "nosnoc takes Filippov and complementarity systems; this case is a linear "
-                "complementarity system."
-            )
+        if not isinstance(p, (Complementarity, Filippov)):
+            return f"nosnoc takes Filippov and complementarity systems; this case is a {p.kind}."
         if np.ptp(np.diff(case.t)) > 1e-9 * (case.t[-1] - case.t[0]):
             return (
                 "nosnoc is given steps of one length here; the sample times of this case are "

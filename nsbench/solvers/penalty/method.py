@@ -12,7 +12,7 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.compilation.factories import as_numpy
 from nsbench.dynamics.length_scale import length_scale
-from nsbench.problem import LCS, Complementarity, Distance
+from nsbench.problem import LCS, Complementarity, Distance, Hybrid
 from nsbench.solvers.base import Claims, Expect, Run, check_positive
 from nsbench.solvers.common.extrapolation import combined, weights
 from nsbench.solvers.common.initial_state import initial_state
@@ -147,6 +147,11 @@ class Penalty:
 
     def refuses(self, case: Case) -> str | None:
         p = case.problem
+        if isinstance(p, Hybrid):
+            return (
+                "A penalty smooths a sign or a constraint; a hybrid system has neither: its mode "
+                "is a memory that no function of the state replaces. Use event_driven or euler."
+            )
         if isinstance(p, LCS):
             return (
                 "A penalty needs constraints with gradients or switches; this one is a linear "

@@ -81,7 +81,7 @@ class Theta:
         if not isinstance(p, Complementarity):
             return (
                 "theta takes linear complementarity systems and linear constraints; this case "
-                "is a Filippov system."
+                f"is a {p.kind}."
             )
         if not p.constraints:
             return "theta needs constraints; this case has none (use euler[implicit=true])."
