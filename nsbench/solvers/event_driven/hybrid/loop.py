@@ -8,6 +8,8 @@ transitions hold the last state; the first sample is the start as it is given.
 
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 
 from nsbench.case import Case
@@ -23,11 +25,12 @@ from nsbench.trajectory import Event, Resolution, Status, Trajectory
 ARC_BAND = 16.0  # roundings of a guard below which it is not armed at the start of an arc
 SAME_INSTANT = 10.0  # tolerances: events that are less apart are one instant
 # An event is unresolved if its guard stayed within rounding of zero since the last one: arcs so
-# short have no lengths that can be compared. After two of them the geometric series of the lengths
-# before is carried on over at most this part of the own time (arcs are unresolved below about the
-# root of the rounding); where there is none, so many of them in a row accumulate.
+# short have no lengths that can be compared. At the first of them the geometric series of the
+# lengths before is carried on over at most this part of the own time (arcs are unresolved below
+# about the root of the rounding); where there is none, so many of the last events accumulate.
 UNRESOLVED_REST = 1e-5
 MAX_UNRESOLVED_EVENTS = 20
+LAST_EVENTS = 40
 SHOWN = 6  # transitions of a circle that a sentence names
 
 
@@ -68,7 +71,7 @@ class HybridIntegrator:
         self.W = np.full((len(case.t), self.spent.size), np.nan)
         self.events = []
         self.instants = []
-        self.unresolved = 0
+        self.unresolved = deque(maxlen=LAST_EVENTS)
         self.ends = None
         self.arcs = 0
         self.steps = 0
@@ -146,8 +149,8 @@ class HybridIntegrator:
         if not arc.status.ok or not arc.fired.size:
             return arc.status
         first = int(arc.fired.item())
-        beyond = system.guard(own[first], self.t, self.x) > 0.5 * bands[first]
-        self.unresolved = self.unresolved + 1 if beyond else 0
+        # a guard that is not armed fires a band beyond zero
+        self.unresolved.append(system.guard(own[first], self.t, self.x) > 0.5 * bands[first])
         tolerance = max(SAME_INSTANT * self.tol, ARC_BAND * EPS)
         # of several guards that pass zero at one instant the first of the list fires
         earlier = self._due(tolerance, own[:first])
@@ -211,10 +214,9 @@ class HybridIntegrator:
         """Return the time at which the transitions accumulate, once that is certain."""
         own_time = self.case.own_time
         ends = accumulation(self.instants, own_time)
-        if ends is None and self.unresolved > 1:
-            resolved = self.instants[: -self.unresolved]
-            ends = accumulation(resolved, own_time, UNRESOLVED_REST)
-        if ends is None and self.unresolved > MAX_UNRESOLVED_EVENTS:
+        if ends is None and self.unresolved[-1]:
+            ends = accumulation(self.instants[:-1], own_time, UNRESOLVED_REST)
+        if ends is None and sum(self.unresolved) > MAX_UNRESOLVED_EVENTS:
             return self.t
         return ends
 
