@@ -50,7 +50,7 @@ ERRORS = (
         "number",
         "impulse",
         "largest |I - I*| of any contact over the sample times (of a Filippov system: of the "
-        "integral of the weight theta); meaningful even under chatter",
+        "integral of the weight theta, of a hybrid one of the time in a mode); also under chatter",
         "impulse",
         gate="near",
         floor="impulse_floor",
@@ -392,7 +392,7 @@ RESIDUALS = (
         "state / time",
         "largest defect of the equation over an interval, per unit of time, beyond what the "
         "quadrature may be wrong by; of a Filippov system: distance of the velocity to the "
-        "convex hull of the fields",
+        "convex hull of the fields; of a hybrid one: in intervals without a transition",
         "equation residual",
         gate="near",
         scale="impulse_scale",

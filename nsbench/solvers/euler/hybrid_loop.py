@@ -3,7 +3,8 @@
     y = x + h f_m(t, x);    at t + h: transition k of m if c_k(t + h, y) > max(0, c_k(t, x))
 
 The state has passed the guard by O(h) when the transition is made, so that times of transitions
-and states are of order one. A guard that is positive already when its mode is entered fires at
+and states are of order one; how late a transition is within its step has no rule, so that errors
+scatter below a multiple of h. A guard that is positive already when its mode is entered fires at
 once if that is more than what the step moved it by; else only the overshoot made it positive, and
 it fires after a step in which it rises.
 """
