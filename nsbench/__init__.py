@@ -16,6 +16,7 @@ _HOME = {
     "Case": "case",
     "Scale": "case.scale",
     "get_case": "case",
+    "from_function": "case.plain_function",
     "load_case": "case",
     "solve": "solvers",
     "errors": "measure",
