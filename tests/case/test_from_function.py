@@ -59,7 +59,7 @@ def test_dry_friction_is_that_of_a_field_with_signs():
             [x[1], -x[0] - 0.3 * s[0] + 0.05 * xp.sin(2.0 * t) * (1.0 + s[0])]
         )
 
-    t = np.linspace(0.0, 5.0, 21)
+    t = np.linspace(0.0, 7.5, 16)
     plain = solve(from_function(f, lambda t, y: y[1], [1.3, 0.0], t), "event_driven")
     other = nsbench.Case(
         "friction",
