@@ -16,6 +16,7 @@ depends on it. A surface that only time moves is left along time.
 
 from __future__ import annotations
 
+import inspect
 import warnings
 from collections.abc import Callable, Sequence
 from itertools import product
@@ -50,7 +51,7 @@ def from_function(
     """Build a case from f(t, y) -> (n,), in numpy, as for scipy.integrate.solve_ivp.
 
     surfaces: functions c(t, y) -> number on whose zeros f jumps, or one; None or (): f is smooth.
-    y0 (n,): start. t (k,): sample times. name, fields: of the Case.
+    y0 (n,): start. t (k,): sample times. name, fields: of the Case; doc is that of f by default.
 
     With surfaces the problem is a Filippov system, whose fields on both sides of a surface are read
     off f (see the head of this module); without, a Complementarity problem that has no constraints.
@@ -67,6 +68,7 @@ def from_function(
             raise TypeError(f"surface {k} is {c!r:.60}; a function c(t, y) is needed")
     if len(listed) > MAX_SURFACES:
         raise ValueError(f"{len(listed)} surfaces; at most {MAX_SURFACES} are taken")
+    fields.setdefault("doc", inspect.getdoc(f) or "")
     if listed:
         case = Case(name, _filippov(f, listed, start, times), start, times, **fields)
         why = "one-sided fields of a function that jumps inside are not traced"

@@ -51,6 +51,7 @@ class HybridSystem:
         self.names = problem.names
         self.transitions = problem.transitions
         self.initial = number[problem.initial]
+        self.sources = [number[tr.source] for tr in problem.transitions]
         self.targets = [number[tr.target] for tr in problem.transitions]
         self.leaving = [
             [k for k, tr in enumerate(problem.transitions) if tr.source == name]
@@ -74,6 +75,25 @@ class HybridSystem:
         """Return the state (n,) after transition k, from the one before."""
         reset = self._resets[k]
         return x.copy() if reset is None else np.array(reset(t, x.copy()), float)
+
+    def passed_guards(
+        self, passed: set[int], k: int, t: float, states: tuple[np.ndarray, np.ndarray], band: float
+    ) -> set[int]:
+        """Return the guards that have passed after transition k, if it leads to its own mode.
+
+        passed: those before it. states: before and after the reset. A guard that the reset does not
+        change, to `band` of its size, is on its way through zero still: that is one event. What
+        leaves the mode and returns enters it anew: there no guard has passed.
+        """
+        before, after = states
+        if self.targets[k] != self.sources[k]:
+            return set()
+        return {
+            j
+            for j in passed | {k}
+            if abs(self.guard(j, t, after) - self.guard(j, t, before))
+            <= band * self.guard_size(j, t, after).terms
+        }
 
     def name_of(self, k: int) -> str:
         """Return transition k in words."""
@@ -107,8 +127,15 @@ class HybridSystem:
         band = tolerance * size.terms
         if abs(value) > band or not np.isfinite(value):
             return value > band
-        step = SLOPE_STEP * own_time
-        change = self.guard(k, t + step, x + step * self.velocity(mode, t, x)) - value
-        if change <= RATE_NOISE * size.terms:
-            return False
-        return value + change / step * tolerance * own_time > 0.0
+        rate = self.rate(k, mode, t, x, SLOPE_STEP * own_time)
+        return rate > 0.0 and value + rate * tolerance * own_time > 0.0
+
+    def rate(self, k: int, mode: int, t: float, x: np.ndarray, step: float) -> float:
+        """Return the rate of guard k along the motion in the mode, by a difference over `step`.
+
+        Zero where it is rounding.
+        """
+        change = self.guard(k, t + step, x + step * self.velocity(mode, t, x))
+        change -= self.guard(k, t, x)
+        noise = RATE_NOISE * self.guard_size(k, t, x).terms
+        return change / step if abs(change) > noise else 0.0

@@ -54,10 +54,11 @@ class Hybrid:
 
     A transition fires where its guard passes zero in the stated direction, and at once where the
     guard has passed it already when its source mode is entered (positive; negative for direction
-    -1). A guard at zero fires if the motion goes on to the far side. Where several fire at one
-    instant the first of the list does, and then those of the mode that it leads to. At an instant
-    of transitions the state is the last one, the limit from the right; the first sample of a run is
-    the start of the case.
+    -1). A guard at zero fires if the motion goes on to the far side. A transition from a mode to
+    itself that leaves its guard as it is fires again only after the guard was negative. Where
+    several fire at one instant the first of the list does, and then those of the mode that it leads
+    to. At an instant of transitions the state is the last one, the limit from the right; the first
+    sample of a run is the start of the case.
 
     The "multipliers" of a system of several modes are their indicators: `impulse` is the time spent
     in each mode, with contact (0, i) for mode i. Events are of the kind "transition", with contact

@@ -15,12 +15,13 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.case.scale import time_text
-from nsbench.dynamics.hybrid import HybridSystem
+from nsbench.dynamics.hybrid import EPS, HybridSystem
 from nsbench.solvers.base import Grid, last_steps, sample
 from nsbench.solvers.common.divergence import ended
 from nsbench.trajectory import Event, Resolution, Status, Trajectory
 
 MAX_TRANSITIONS_OF_A_STEP = 100  # besides two for each transition of the system
+ROUNDING = 16.0 * EPS  # of a guard: less is no change of it
 LARGEST_STATE = 1e150  # as in the compiled loop: beyond, squares overflow
 
 
@@ -33,6 +34,7 @@ class HybridEuler:
         self.system = HybridSystem(case.problem)
         self.x = case.x0.copy()
         self.mode = self.system.initial
+        self.passed = set()  # guards that fire no more before they were negative
         self.spent = np.zeros(len(self.system.names))
         self.events = []
         self.X = np.full((len(g.t), case.n), np.nan)
@@ -101,7 +103,12 @@ class HybridEuler:
         self.x = y
         reached = {k: system.guard(k, after, y) for k in before}
         moved = {k: abs(reached[k] - before[k]) for k in before}
-        fired = [k for k in system.leaving[self.mode] if reached[k] > max(0.0, before[k])]
+        self.passed = {k for k in self.passed if reached[k] > 0.0}
+        fired = [
+            k
+            for k in system.leaving[self.mode]
+            if reached[k] > max(0.0, before[k]) and k not in self.passed
+        ]
         return self._make_transitions(after, fired, moved)
 
     def _make_transitions(self, t: float, fired: list[int], moved: dict[int, float]) -> Status:
@@ -117,8 +124,12 @@ class HybridEuler:
             k = todo[0]
             made += 1
             self.events.append(Event(t, "transition", (0, k)))
-            self.x = system.after(k, t, self.x)
+            states = self.x, system.after(k, t, self.x)
+            self.passed = system.passed_guards(self.passed, k, t, states, ROUNDING)
             self.mode = system.targets[k]
+            self.x = states[1]
+            if k in self.passed and not system.rate(k, self.mode, t, self.x, self.g.h) > 0.0:
+                self.passed.remove(k)  # the motion turns back, as after an impact
             if not np.all(np.abs(self.x) <= LARGEST_STATE):
                 return Status(
                     "nan",
@@ -140,5 +151,5 @@ class HybridEuler:
         return [
             k
             for k in system.leaving[self.mode]
-            if system.guard(k, t, self.x) > moved.get(k, 0.0)
+            if system.guard(k, t, self.x) > moved.get(k, 0.0) and k not in self.passed
         ]

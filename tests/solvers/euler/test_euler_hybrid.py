@@ -45,6 +45,16 @@ def test_an_impact_below_the_floor_is_made_once():
     assert traj.status.ok and len(apart) == 2 and np.all(apart > 0.3)
 
 
+def test_a_guard_that_no_reset_changes_fires_once_each_time_it_rises():
+    count = lambda xp: lambda t, x: x + 1.0
+    wave = lambda xp: lambda t, x: xp.sin(t - 1.0)
+    problem = Hybrid({"run": constant(0.0)}, (Transition("run", wave, "run", count),))
+    case = Case("count", problem, np.zeros(1), np.linspace(0.0, 17.0, 18))
+    traj = solve(case, "euler", h=0.01)
+    assert np.allclose([e.t for e in traj.events], 1.0 + 2.0 * np.pi * np.arange(3), atol=0.011)
+    assert traj.x[-1, 0] == 3.0
+
+
 def test_the_ball_does_not_fall_through_the_floor_after_its_impacts_accumulate():
     traj = solve(ball(T=2.0), "euler", h=1e-3)
     assert traj.status.ok and np.all(traj.x[:, 0] > -0.05)

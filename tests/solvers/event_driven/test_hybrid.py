@@ -192,6 +192,29 @@ def test_a_guard_that_touches_zero_is_no_event_and_one_that_just_passes_is():
             assert abs(traj.events[0].t - np.arcsin(1.0 - depth)) < 1e-7
 
 
+def counter(guard, T):
+    """One mode that counts how often a guard rises through zero that no reset changes."""
+    count = lambda xp: lambda t, x: xp.array([x[0] + 1.0, x[1]])
+    run = constant(0.0, 1.0)
+    return system({"run": run}, (Transition("run", guard, "run", count),), (0.0, 0.0), T)
+
+
+@pytest.mark.parametrize(
+    "guard, times",
+    (
+        (lambda xp: lambda t, x: xp.sin(t - 1.0), (1.0, 1.0 + 2.0 * np.pi, 1.0 + 4.0 * np.pi)),
+        (lambda xp: lambda t, x: xp.sin(x[1] - 1.0), (1.0, 1.0 + 2.0 * np.pi, 1.0 + 4.0 * np.pi)),
+        (lambda xp: lambda t, x: t - 6.0 * xp.floor(t / 6.0) - 4.0, (4.0, 10.0, 16.0)),
+        (lambda xp: lambda t, x: 3.0 - (t - 6.0 * xp.floor(t / 6.0)), (0.0, 6.0, 12.0)),
+    ),
+    ids=("time", "state", "ramp", "jump"),
+)
+def test_a_guard_that_no_reset_changes_fires_once_each_time_it_rises(guard, times):
+    traj = solve(counter(guard, 17.0), "event_driven")
+    assert traj.status.ok and np.allclose(made(traj)[1], times, atol=1e-10)
+    assert traj.x[-1, 0] == len(times)
+
+
 def test_hysteresis_remembers():
     """The same input value under a rising and a falling input, in two modes."""
     ramp = lambda xp: lambda t, x: xp.array([xp.cos(t)])  # x = sin t

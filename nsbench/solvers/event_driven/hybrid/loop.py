@@ -18,6 +18,7 @@ from nsbench.dynamics.hybrid import EPS, HybridSystem
 from nsbench.problem import Hybrid
 from nsbench.solvers.base import Run
 from nsbench.solvers.event_driven.accumulation import MAX_EVENTS_AT_ONE_INSTANT, accumulation
+from nsbench.solvers.event_driven.filippov.mode_search import LOCATED
 from nsbench.solvers.event_driven.interval_taylor import SPACE
 from nsbench.solvers.event_driven.smooth.arc import UNPROVEN_PARTS, integrate_to_event
 from nsbench.trajectory import Event, Resolution, Status, Trajectory
@@ -71,6 +72,7 @@ class HybridIntegrator:
         self.W = np.full((len(case.t), self.spent.size), np.nan)
         self.events = []
         self.instants = []
+        self.passed = set()  # guards that fire no more before they were negative
         self.unresolved = deque(maxlen=LAST_EVENTS)
         self.ends = None
         self.arcs = 0
@@ -126,6 +128,8 @@ class HybridIntegrator:
         system = self.system
         mode = self.mode
         own = system.leaving[mode]
+        # a guard that has passed is watched for its return below zero
+        signs = np.array([1.0 if k in self.passed else -1.0 for k in own])
         bands = np.array(
             [ARC_BAND * EPS * system.guard_size(k, self.t, self.x).terms for k in own]
         )
@@ -134,7 +138,7 @@ class HybridIntegrator:
             self.t,
             self.x,
             case.t[-1],
-            (lambda t, x: np.array([-system.guard(k, t, x) for k in own])) if own else None,
+            (lambda t, x: signs * [system.guard(k, t, x) for k in own]) if own else None,
             method=self.options.method,
             rtol=self.tol,
             atol=self.tol,
@@ -149,12 +153,38 @@ class HybridIntegrator:
         if not arc.status.ok or not arc.fired.size:
             return arc.status
         first = int(arc.fired.item())
+        self._pass_jump(own[first], signs[first], bands[first])
+        if own[first] in self.passed:
+            self.passed.remove(own[first])
+            return Status()
         # a guard that is not armed fires a band beyond zero
         self.unresolved.append(system.guard(own[first], self.t, self.x) > 0.5 * bands[first])
         tolerance = max(SAME_INSTANT * self.tol, ARC_BAND * EPS)
         # of several guards that pass zero at one instant the first of the list fires
         earlier = self._due(tolerance, own[:first])
         return self._pass_instant(own[first] if earlier is None else earlier, tolerance)
+
+    def _pass_jump(self, k: int, sign: float, band: float) -> None:
+        """Go past the jump of guard k over zero, where it jumps rather than passes.
+
+        A root of a function that jumps is located to LOCATED of the own time, before or after it.
+        The jump is bisected along the tangent of the motion, to adjacent times; sign times the
+        guard is positive before it.
+        """
+        velocity = self.system.velocity(self.mode, self.t, self.x)
+        at = lambda t: sign * self.system.guard(k, t, self.x + (t - self.t) * velocity)
+        low = self.t
+        high = min(self.t + LOCATED * self.case.own_time, float(self.case.t[-1]))
+        if not (at(low) > band and at(high) < 0.0):
+            return
+        while low < (middle := 0.5 * (low + high)) < high:
+            if at(middle) > 0.0:
+                low = middle
+            else:
+                high = middle
+        self.spent[self.mode] += high - self.t
+        self.x = self.x + (high - self.t) * velocity
+        self.t = high
 
     def _data(self, mode: int):
         """Return the drift and the guards of the mode over Jets, for the proofs of the arc."""
@@ -181,8 +211,11 @@ class HybridIntegrator:
     def _due(self, tolerance: float, among: list[int] | None = None) -> int | None:
         """Return the first transition of the mode that fires here, or None."""
         among = self.system.leaving[self.mode] if among is None else among
+        return next((k for k in among if k not in self.passed and self._is_due(k, tolerance)), None)
+
+    def _is_due(self, k: int, tolerance: float) -> bool:
         args = self.mode, self.t, self.x, tolerance, self.case.own_time
-        return next((k for k in among if self.system.is_due(k, *args)), None)
+        return self.system.is_due(k, *args)
 
     def _make_transitions(self, k: int | None, tolerance: float) -> Status:
         """Make transition k, and all that follow from it at the same instant."""
@@ -191,8 +224,13 @@ class HybridIntegrator:
         while k is not None:
             made.append(k)
             self.events.append(Event(self.t, "transition", (0, k)))
-            self.x = self.system.after(k, self.t, self.x)
+            before = self.x
+            self.x = self.system.after(k, self.t, before)
             self.mode = self.system.targets[k]
+            states = before, self.x
+            self.passed = self.system.passed_guards(self.passed, k, self.t, states, tolerance)
+            if k in self.passed and not self._is_due(k, tolerance):
+                self.passed.remove(k)  # the motion turns back, as after an impact
             if not np.all(np.isfinite(self.x)):
                 return Status(
                     "nan",
