@@ -45,6 +45,22 @@ def test_the_period_of_a_thermostat_is_its_hysteresis():
     assert len(times) == 22 and np.allclose(times[2:] - times[:-2], period, atol=1e-12)
 
 
+def test_a_clock_whose_rate_is_that_of_its_mode():
+    """x' = 1/2 up to x = 1, at t = 2; then 2 up to x = 3, at t = 3; then 0."""
+    traj = solve(
+        system(
+            {"slow": constant(0.5), "fast": constant(2.0), "still": STILL},
+            (Transition("slow", level(0, 1.0), "fast"), Transition("fast", level(0, 3.0), "still")),
+            T=4.0,
+        ),
+        "event_driven",
+    )
+    exact = np.interp(traj.t, (0.0, 2.0, 3.0, 4.0), (0.0, 1.0, 3.0, 3.0))
+    assert np.allclose(made(traj)[1], (2.0, 3.0), atol=1e-14)
+    assert np.allclose(traj.x[:, 0], exact, atol=1e-14)
+    assert np.allclose(traj.impulse[-1], (2.0, 1.0, 1.0), atol=1e-14)
+
+
 def test_the_sample_at_a_jump_holds_the_limit_from_the_right():
     case = clock()
     traj = solve(case, "event_driven")
