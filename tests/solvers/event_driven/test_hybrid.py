@@ -231,6 +231,12 @@ def test_a_guard_that_no_reset_changes_fires_once_each_time_it_rises(guard, time
     assert traj.x[-1, 0] == len(times)
 
 
+def test_a_guard_that_jumps_often_does_not_accumulate():
+    jump = lambda xp: lambda t, x: 3.0 - (t - 6.0 * xp.floor(t / 6.0))
+    traj = solve(counter(jump, 185.0), "event_driven")
+    assert traj.status.ok and np.allclose(made(traj)[1], 6.0 * np.arange(31), atol=1e-10)
+
+
 def test_hysteresis_remembers():
     """The same input value under a rising and a falling input, in two modes."""
     ramp = lambda xp: lambda t, x: xp.array([xp.cos(t)])  # x = sin t

@@ -25,11 +25,11 @@ from nsbench.trajectory import Event, Resolution, Status, Trajectory
 
 ARC_BAND = 16.0  # roundings of a guard below which it is not armed at the start of an arc
 SAME_INSTANT = 10.0  # tolerances: events that are less apart are one instant
-# An event is unresolved if its guard stayed within rounding of zero since the last one: arcs so
-# short have no lengths that can be compared. At the first of them the geometric series of the
-# lengths before is carried on over at most this part of the own time (arcs are unresolved below
-# about the root of the rounding); where there is none, so many of the last events accumulate.
-UNRESOLVED_REST = 1e-5
+# An event is unresolved if its guard stayed within rounding of zero since the last one, on an arc
+# of at most this part of the own time (the root of the rounding, and some room): such arcs have no
+# lengths that can be compared. At the first of them the geometric series of the lengths before is
+# carried on, over as much; where there is none, so many of the last events accumulate.
+UNRESOLVED_LENGTH = 1e-5
 MAX_UNRESOLVED_EVENTS = 20
 LAST_EVENTS = 40
 SHOWN = 6  # transitions of a circle that a sentence names
@@ -149,6 +149,7 @@ class HybridIntegrator:
             max_unproven=case.own_time / UNPROVEN_PARTS,
             data=self._data(mode),
         )
+        length = arc.t - self.t
         self._record(arc)
         if not arc.status.ok or not arc.fired.size:
             return arc.status
@@ -157,8 +158,10 @@ class HybridIntegrator:
         if own[first] in self.passed:
             self.passed.remove(own[first])
             return Status()
-        # a guard that is not armed fires a band beyond zero
-        self.unresolved.append(system.guard(own[first], self.t, self.x) > 0.5 * bands[first])
+        # a guard that is not armed fires a band beyond zero; one that jumps is farther beyond
+        beyond = system.guard(own[first], self.t, self.x) / bands[first]
+        is_short = length <= UNRESOLVED_LENGTH * case.own_time
+        self.unresolved.append(is_short and 0.5 < beyond < 2.0)
         tolerance = max(SAME_INSTANT * self.tol, ARC_BAND * EPS)
         # of several guards that pass zero at one instant the first of the list fires
         earlier = self._due(tolerance, own[:first])
@@ -253,7 +256,7 @@ class HybridIntegrator:
         own_time = self.case.own_time
         ends = accumulation(self.instants, own_time)
         if ends is None and self.unresolved[-1]:
-            ends = accumulation(self.instants[:-1], own_time, UNRESOLVED_REST)
+            ends = accumulation(self.instants[:-1], own_time, UNRESOLVED_LENGTH)
         if ends is None and sum(self.unresolved) > MAX_UNRESOLVED_EVENTS:
             return self.t
         return ends
