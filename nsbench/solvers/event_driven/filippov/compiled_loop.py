@@ -55,13 +55,14 @@ class CompiledLoop:
             events=options.max_events,
         )
         # what is the same in all calls of the kernel: unpacking named tuples in each costs more
-        self.constant = (*programs.programs, *programs.modes, *self.settings)
+        traced = programs.programs
+        self.constant = (*traced[:-1], *traced.kinks, *programs.modes, *self.settings)
         self.work = tuple(programs.workspace(self.settings.order))
         self.end = float(case.t[-1])
         self.log = np.empty((MOST_LOGGED, 2))
         self.logged = np.empty((MOST_LOGGED, 3), np.int64)
         self.ring = np.zeros(codes.RING)
-        self.armed = np.zeros(programs.d + 1, np.bool_)
+        self.armed = np.zeros(programs.watches, np.bool_)
         self.counters = np.zeros(codes.COUNTERS, np.int64)
         self.floats = np.zeros(codes.FLOATS)
 
@@ -137,6 +138,13 @@ class CompiledLoop:
             return Status(
                 "maxiter", f"{self.max_steps} steps were taken by t = {time_text(host.t)}."
             )
+        if stop.code == codes.KINK:
+            return Status(
+                "degenerate",
+                f"At t = {time_text(host.t)} the drift jumps at {self.programs.places[stop.fired]} "
+                "and both sides lead to the jump: write it as a switching surface of a Filippov "
+                "system, whose sliding is defined.",
+            )
         size = np.abs(host.x).max(initial=0.0)
         vanishes = stop.code == codes.HARD and stop.fired == codes.STEP_VANISHES
         if vanishes and size > GROWTH * (1.0 + np.abs(host.case.x0).max(initial=0.0)):
@@ -151,7 +159,8 @@ class CompiledLoop:
         if not stop.goes_on:
             return host.follow_arc()
         slides = np.any(host.mode == 0)  # the last watched function is the weight's
-        return host.follow_arc((self.armed if slides else self.armed[:-1]).copy())
+        armed = np.append(self.armed[: self.programs.d], self.armed[-1:])
+        return host.follow_arc(armed if slides else armed[:-1])
 
     def _replay_events(self, host, count: int) -> None:
         """Record the events that the kernel logged."""

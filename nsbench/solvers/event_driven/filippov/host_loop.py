@@ -27,7 +27,7 @@ from nsbench.solvers.event_driven.filippov.mode_search import (
     rounding_band,
     surface_names,
 )
-from nsbench.solvers.event_driven.filippov.program import trace_programs
+from nsbench.solvers.event_driven.filippov.program import UntraceableError, trace_programs
 from nsbench.solvers.event_driven.smooth.arc import UNPROVEN_PARTS, integrate_to_event
 from nsbench.trajectory import Event, Resolution, Status, Trajectory
 
@@ -49,11 +49,14 @@ def prepare(case: Case, options, tol: float) -> Run:
     """
     field = FilippovVectorField(case.problem, float(case.t[0]), case.x0)
     compiled = None
+    reason = f"method={options.method}, compiled={str(options.compiled).lower()} was asked for"
     if options.method == "dop853" and options.compiled:
-        programs = trace_programs(case.problem, field.d, float(case.t[0]), case.x0)
-        if programs is not None:
+        try:
+            programs = trace_programs(case.problem, field.d, float(case.t[0]), case.x0)
             compiled = CompiledLoop(programs, case, options, tol)
-    return lambda: FilippovIntegrator(case, field, options, tol, compiled).run()
+        except UntraceableError as e:
+            reason = str(e)
+    return lambda: FilippovIntegrator(case, field, options, tol, compiled, reason).run()
 
 
 class Arc:
@@ -123,8 +126,9 @@ class Arc:
 class FilippovIntegrator:
     """One run: the state of the motion, its arcs, and what is recorded of them."""
 
-    def __init__(self, case, field, options, tol, compiled=None):
+    def __init__(self, case, field, options, tol, compiled=None, reason=""):
         self.compiled = compiled  # the compiled loop, and how often it needed help
+        self.reason = reason  # without it: why
         self.hosted = 0
         self.case = case
         self.field = field

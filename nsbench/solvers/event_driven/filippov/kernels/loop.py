@@ -9,6 +9,14 @@ that are not unique, steps that cannot be certified.
 import numpy as np
 
 from nsbench.compilation.decorators import inlined, njit
+from nsbench.solvers.event_driven.filippov.kernels.kinks import (
+    SETTLED,
+    UNCERTAIN,
+    cross_kink,
+    place_kinks,
+    set_state,
+    settle_kinks,
+)
 from nsbench.solvers.event_driven.filippov.kernels.loop_state import (
     ARCS,
     CALLS,
@@ -21,6 +29,7 @@ from nsbench.solvers.event_driven.filippov.kernels.loop_state import (
     FIRED,
     FULL,
     HARD,
+    KINK,
     LONGEST,
     MEET,
     MEETINGS,
@@ -29,6 +38,7 @@ from nsbench.solvers.event_driven.filippov.kernels.loop_state import (
     STEPS,
     TIME,
     WINDOW,
+    Kinks,
     Modes,
     Motion,
     Programs,
@@ -92,14 +102,15 @@ def arm_watches(run, m, i, t):
     n = x.size
     d = run.motion.mode.size
     evaluate_geometry(run.programs, t, x, V, G)
-    for k in range(d):
-        band[k] = rounding_band(G, k, t, x, ARC_BAND)
+    last = armed.size - 1  # of the weight
+    for k in range(last):
+        band[k] = rounding_band(G, k if k < d else d + (k - d) // 2, t, x, ARC_BAND)
     if i >= 0:
         band[i] = FLAT
-    band[d] = FLAT
+    band[last] = FLAT
     evaluate_program(run.programs, m, t, x, V)
     fine = True
-    for k in range(d + 1):
+    for k in range(armed.size):
         row = run.programs.outs[m, n + k]
         value = V[row, 0] if row >= 0 else 1.0
         fine = fine and np.isfinite(value) and value >= -band[k]
@@ -122,12 +133,14 @@ def weight_integrals(p, i, s, mode, row, C, theta, out):
 
 
 @inlined
-def record_samples(programs, outs, i, p, t, h, last, counters, records, mode, theta, C, V, G):
+def record_samples(
+    programs, outs, weight, i, p, t, h, last, counters, records, mode, theta, C, V, G
+):
     """Write the samples up to t + h (all that are left if `last`) of a step in the program with the
-    outputs outs, which slides on surface i or -1."""
+    outputs outs, the weight's in the row `weight`, which slides on surface i or -1."""
     times = records.times
     X = records.X
-    row = outs[X.shape[1] + mode.size + 1]
+    row = outs[weight]
     done = counters[DONE]
     while done < times.size and (times[done] <= t + h or last):
         s = min(times[done] - t, h)
@@ -144,11 +157,10 @@ def record_samples(programs, outs, i, p, t, h, last, counters, records, mode, th
 def advance_motion(outs, i, p, h, mode, x, theta, armed, band, C):
     """Go to the end of a step of length h: state, weight integrals, armed functions."""
     n = x.size
-    d = mode.size
-    weight_integrals(p, i, h, mode, outs[n + d + 1], C, theta, theta)
+    weight_integrals(p, i, h, mode, outs[n + armed.size], C, theta, theta)
     for j in range(n):
         x[j] = horner(C, j, h, p)
-    for k in range(d + 1):
+    for k in range(armed.size):
         if outs[n + k] >= 0 and not armed[k]:
             armed[k] = horner(C, outs[n + k], h, p) > band[k]
 
@@ -169,7 +181,7 @@ def reach_surface(run, i, fired, t):
         return SEVERAL_SURFACES
     if events_accumulate(ring, events + 1, run.settings.span):
         return SEVERAL_SURFACES
-    before = i if fired == motion.mode.size else fired
+    before = i if fired == motion.armed.size - 1 else fired
     return surface_met(run.programs, t, motion.x, motion.mode, before, run.work.V, run.work.G)
 
 
@@ -222,16 +234,26 @@ def begin_arc(run, surface, t, begun):
     """Choose the mode if a surface was reached, and begin an arc in it; returns its program, or
     -1, with counters[CODE], if the loop ends."""
     counters = run.counters
+    motion = run.motion
+    work = run.work
+    place_kinks(run.programs, motion.mode.size, t, motion.x, work.V, work.G)
     if surface != NO_SURFACE and not change_mode(run, surface, t, begun):
         return -1
-    m = program_of_mode(run.modes.table, run.motion.mode)
+    m = program_of_mode(run.modes.table, motion.mode)
     counters[CODE] = HARD
     counters[CARRY] = 0
     if m < 0:
         return -1
     i = run.modes.slides[m]
     if i >= 0:
-        project_onto_surface(run.programs, i, t, run.motion.x, run.work.V, run.work.G)
+        project_onto_surface(run.programs, i, t, motion.x, work.V, work.G)
+    longest = min(run.settings.longest_step, run.records.times[-1] - t)
+    k = settle_kinks(run, m, t, longest)
+    if k != SETTLED:
+        if k != UNCERTAIN:
+            counters[CODE] = KINK
+        counters[FIRED] = k
+        return -1
     if not arm_watches(run, m, i, t):
         return -1
     counters[ARCS] += 1
@@ -254,6 +276,7 @@ def finish_step(run, m, i, t, h, last):
     record_samples(
         run.programs,
         outs,
+        motion.x.size + motion.armed.size,
         i,
         p,
         t,
@@ -292,7 +315,11 @@ def follow_modes(run, begun):
     steps_of_arc = 0
     surface = np.int64(NO_SURFACE)  # no literal: one version of choose_mode
     certified_width = np.inf
+    kinks = programs.kinks.state.size
     if begun == CHOOSE_START:
+        for k in range(kinks):
+            set_state(programs, k, 0)
+        place_kinks(programs, mode.size, t, x, V, G)
         surface = surface_met(programs, t, x, mode, surface, V, G)
     while True:
         if m < 0:
@@ -324,8 +351,16 @@ def follow_modes(run, begun):
             counters[CODE] = END
             break
         if code == FOUND:
-            surface = reach_surface(run, i, fired, t)
             m = np.int64(-1)
+            kink = fired - mode.size
+            if 0 <= kink < 2 * kinks:
+                cross_kink(programs, kink)
+                surface = np.int64(NO_SURFACE)
+                if t >= T:
+                    counters[CODE] = END
+                    break
+            else:
+                surface = reach_surface(run, i, fired, t)
     run.floats[TIME] = t
 
 
@@ -336,6 +371,11 @@ def integrate_modes(
     first,
     outs,
     rows,
+    state,
+    spans,
+    breaks,
+    patches,
+    entries,
     table,
     slides,
     order,
@@ -366,7 +406,7 @@ def integrate_modes(
     one, and work as a plain tuple: numba needs 15 microseconds more for named ones in each call.
     """
     run = Run(
-        Programs(ops, nums, first, outs, rows),
+        Programs(ops, nums, first, outs, rows, Kinks(state, spans, breaks, patches, entries)),
         Modes(table, slides),
         Settings(order, span, local_error, longest_step, steps, events),
         Motion(x, theta, mode, armed),

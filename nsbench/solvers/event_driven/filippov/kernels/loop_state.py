@@ -14,6 +14,7 @@ HARD = 2  # a step could not be certified
 STEPS = 3  # as many steps as are allowed were taken
 FULL = 4  # the event log is full
 START = 5  # the mode at the start is not certain
+KINK = 6  # the drift jumps at a kink, and both sides lead to it
 STEP_VANISHES = -3  # value of FIRED, with HARD: the step length is below rounding of the time
 
 # indices of the integer counters of a run
@@ -27,6 +28,22 @@ WINDOW = 3  # events per window of the test for accumulation
 RING = 2 * WINDOW + 1  # times of the latest events, as many as that test needs
 
 
+class Kinks(NamedTuple):
+    """Kinks of several programs: arguments a with breaks b_1 < ... < b_m (see tracing.kinks).
+
+    state (K,): how many breaks lie below a. spans (K, 4): first entry and number of its breaks, and
+    of its patches. patches (P, 3): operation that depends on the state, its column (0: constant c,
+    1: row a), first of its entries; entries[that + state] is what the column holds. Programs are
+    those for the present states.
+    """
+
+    state: np.ndarray
+    spans: np.ndarray
+    breaks: np.ndarray
+    patches: np.ndarray
+    entries: np.ndarray
+
+
 class Programs(NamedTuple):
     """Operations of several programs, one after the other.
 
@@ -34,7 +51,7 @@ class Programs(NamedTuple):
     Program m consists of operations first[m, 0] : first[m, 2]; those up to first[m, 1] compute its
     leading outputs, the state's derivatives. Operation e of program m computes row
     n + 1 + e - first[m, 0] of a table; rows 0 .. n - 1 are the state and row n is the time.
-    outs[m, j]: the row of output j, -1 for none. rows: the largest number of rows.
+    outs[m, j]: the row of output j, -1 for none. rows: the largest number of rows. kinks: of all.
     """
 
     ops: np.ndarray
@@ -42,6 +59,7 @@ class Programs(NamedTuple):
     first: np.ndarray
     outs: np.ndarray
     rows: int
+    kinks: Kinks
 
 
 class Modes(NamedTuple):
@@ -67,7 +85,8 @@ class Settings(NamedTuple):
 
 class Motion(NamedTuple):
     """Where a motion is: state x (n,), integrals of the weights theta (d,), mode (d,), and which
-    watched functions are armed (d + 1,), that is, far enough above zero to fall through it."""
+    watched functions are armed (d + 2 K + 1,), that is, far enough above zero to fall through it:
+    those of the surfaces, of the kinks and of the weight."""
 
     x: np.ndarray
     theta: np.ndarray
@@ -89,15 +108,15 @@ class Records(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """Work arrays of a run.
+    """Work arrays of a run; w = d + 2 K + 1 functions are watched.
 
-    C (rows, p + 1): Taylor coefficients of all operations on a step. Q (n + d + 1, p + 1):
+    C (rows, p + 1): Taylor coefficients of all operations on a step. Q (n + w, p + 1):
     polynomials of the state and of the watched functions on a piece of it. M, R (rows, ORDER + 1):
-    midpoints and radii of the enclosure there. V (rows, ORDER): values at points. error (d + 1,):
-    what those polynomials miss of the watched functions. lift (d + 1,): time after which a watched
-    function that is not armed is above its band. band (d + 1,): what rounding leaves of each.
-    stack, shifted: for `first_fall`. G (d, n + 2): gradient, time derivative and value of each
-    switch function. F (2, n): fields on both sides of a surface. y (n,): a state. D (rows, p + 1):
+    midpoints and radii of the enclosure there. V (rows, ORDER): values at points. error (w,):
+    what those polynomials miss of the watched functions. lift (w,): time after which a watched
+    function that is not armed is above its band. band (w,): what rounding leaves of each.
+    stack, shifted: for `first_fall`. G (d + K, n + 2): gradient, time derivative and value of
+    each switch function and each argument of a kink. F (2, n): fields on both sides of a surface. y (n,): a state. D (rows, p + 1):
     Taylor coefficients of a trial motion.
     """
 

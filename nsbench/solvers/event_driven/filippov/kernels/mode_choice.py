@@ -2,7 +2,7 @@
 where that is certain.
 
 The last of the programs (see loop_state.Programs) computes value, gradient and time derivative of
-every switch function c_i. Conditions, bands and trial motions are those of
+every switch function c_i and of the arguments of kinks. Conditions, bands and trial motions are those of
 event_driven.filippov.mode_search, in which the host decides what is not certain here.
 """
 
@@ -52,7 +52,8 @@ def evaluate_program(programs, m, t, x, V):
 
 @fused_kernel
 def evaluate_geometry(programs, t, x, V, G):
-    """Fill G (d, n + 2): gradient, time derivative and value of each switch function."""
+    """Fill G (d + K, n + 2): gradient, time derivative and value of each switch function, then of
+    each argument of a kink."""
     m = programs.outs.shape[0] - 1
     n = x.size
     evaluate_program(programs, m, t, x, V)
@@ -89,12 +90,13 @@ def project_onto_surface(programs, i, t, x, V, G):
 
 
 @inner_kernel
-def trial_sign(programs, m, i, slides, d, t, x, settings, least, C):
+def trial_sign(programs, m, i, slides, watches, t, x, settings, least, C):
     """Return the sign that the watched function of surface i shows first on a trial motion in
     program m; 0 if it shows none, or not the same one later on.
 
-    slides: whether program m slides on surface i, which is watched from both ends then. least: size
-    above which a sign is one. C: work, as Workspace.D.
+    slides: whether program m slides on surface i, which is watched from both ends then. watches:
+    number of watched functions, the last one of the weight. least: size above which a sign is one.
+    C: work, as Workspace.D.
     """
     n = x.size
     outs = programs.outs[m]
@@ -105,7 +107,7 @@ def trial_sign(programs, m, i, slides, d, t, x, settings, least, C):
     C[n, 0] = t
     series(programs.ops, programs.nums, first[0], first[1], first[2], outs, n, p, C)
     longest = step_length(
-        C, n, p, x, outs, d + 1, settings.local_error, LONGEST_TRIAL * settings.span
+        C, n, p, x, outs, watches, settings.local_error, LONGEST_TRIAL * settings.span
     )
     found = 0
     for k in range(FIRST_TRIAL, AFTER_TRIALS):
@@ -114,7 +116,7 @@ def trial_sign(programs, m, i, slides, d, t, x, settings, least, C):
             break
         v = horner(C, outs[n + i], h, p)
         if slides:
-            v = min(v, horner(C, outs[n + d], h, p))
+            v = min(v, horner(C, outs[n + watches - 1], h, p))
         if not np.isfinite(v):
             return 0
         if abs(v) > least:
@@ -190,7 +192,8 @@ def choose_mode(programs, modes, i, t, x, mode, settings, work):
             if q == 0:
                 project_onto_surface(programs, i, t, work.y, work.V, work.G)
             least = 1e-2 * FLAT if q == 0 else wide / 10
-            sign = trial_sign(programs, m, i, q == 0, mode.size, t, work.y, settings, least, work.D)
+            watches = work.band.size
+            sign = trial_sign(programs, m, i, q == 0, watches, t, work.y, settings, least, work.D)
             if sign == 0:
                 return UNKNOWN
             if sign < 0:

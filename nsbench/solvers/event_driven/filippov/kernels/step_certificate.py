@@ -1,8 +1,8 @@
 """Certificate that a piece of a Taylor step hides no event; the step's length; its first event.
 
-The program of a mode (see event_driven.filippov.program) has the outputs F (n), watch (d + 1) and
-theta. watch[k] > 0 until surface k is reached, or, for the surface it slides on, until its weight
-is used up: 1 - s there, and 1 + s as the last one.
+The program of a mode (see event_driven.filippov.program) has the outputs F (n), watch (d + 2 K + 1)
+and theta. watch[k] > 0 until surface k is reached, or, for the surface it slides on, until its
+weight is used up: 1 - s there, and 1 + s as the last one; two for each kink are in between.
 
 Certificate of a piece of the step: the fields and the watched functions along the polynomial path
 are enclosed with their first ORDER derivatives (kernels.enclosure), and so are those of the

@@ -53,7 +53,7 @@ def polish_event(programs, m, w, n, p, t, s, h, C, V):
 def take_step(programs, m, p, local, longest, t, x, armed, certified_width, work):
     """Take one step of order p in program m from (t, x), at most `longest`.
 
-    local: error allowed. armed (d + 1,): watched functions that can fall through zero.
+    local: error allowed. armed (w,): watched functions that can fall through zero.
     certified_width: a width for which the certificate should hold; it is handed on from step to
     step, so that the certificate seldom fails.
     Returns CLEAR (go on after `length`), FOUND (an event) or HARD (not certain); the length; the

@@ -31,8 +31,13 @@ from nsbench.solvers.event_driven.filippov.kernels.opcodes import (
 )
 
 INPUT = -1
+# operations on the state c of kinks (tracing.kinks): node a or b; entry d of the list of tables
+SELECT = -2
+LOOKUP = -3
 TOTAL = {
     INPUT,
+    SELECT,
+    LOOKUP,
     CONST,
     ADD,
     SUB,
@@ -59,6 +64,9 @@ class Graph:
         self.nodes = []
         self.known = {}
         self.total = []
+        self.kinks = []
+        self.kink_numbers = {}
+        self.tables = []
         for i in range(n + 1):
             self._new(INPUT, i, -1, 0.0)
 
@@ -72,7 +80,7 @@ class Graph:
             self.nodes.append(key)
             self.total.append(
                 op in TOTAL
-                and (op in (INPUT, CONST) or all(self.total[r] for r in (a, b) if r >= 0))
+                and (op in (INPUT, CONST, LOOKUP) or all(self.total[r] for r in (a, b) if r >= 0))
             )
         return self.known[key]
 
@@ -87,6 +95,44 @@ class Graph:
         """Return the constant that node i is, or None."""
         op, _, _, c, _ = self.nodes[i]
         return c if op == CONST else None
+
+    def constants(self, i: int) -> tuple[int | None, tuple] | None:
+        """Return (k, values by the state of kink k) of a node that is constant per state.
+
+        k is None of a constant; None: of any other node.
+        """
+        op, _, _, c, d = self.nodes[i]
+        if op == CONST:
+            return None, (c,)
+        return (int(c), self.tables[int(d)]) if op == LOOKUP else None
+
+    def lookup(self, k: int, values: tuple) -> int:
+        """Return the node of a constant per state of kink k."""
+        if len(set(values)) == 1:
+            return self.const(values[0])
+        if not all(math.isfinite(v) for v in values):
+            raise TypeError("a table with an entry that is not finite has no series")
+        if values not in self.tables:
+            self.tables.append(values)
+        return self._new(LOOKUP, -1, -1, k, self.tables.index(values))
+
+    def select(self, k: int, rows: list[int]) -> int:
+        """Return the node of rows[s] in state s of kink k; two of them, or constants."""
+        picked = []
+        values = []
+        for s, row in enumerate(rows):
+            op, a, b, c, _ = self.nodes[row]
+            picked.append((a, b)[s] if op == SELECT and c == k else row)
+            fixed = self.constants(picked[-1])
+            if fixed is not None and fixed[0] in (None, k):
+                values.append(fixed[1][s if fixed[0] == k else 0])
+        if len(values) == len(rows):
+            return self.lookup(k, tuple(values))
+        if len(set(picked)) == 1:
+            return picked[0]
+        if len(picked) != 2:
+            raise TypeError("a choice by the entry of a table cannot be traced")
+        return self._new(SELECT, *picked, k)
 
     def add(self, a: int, b: int) -> int:
         """Return the node of a + b."""
@@ -107,6 +153,9 @@ class Graph:
             a, c, d = inner, c * c0, c * d0 + d
         if not (math.isfinite(c) and math.isfinite(d)):
             raise TypeError("a constant overflows")
+        if op == LOOKUP:
+            k, values = self.constants(a)
+            return self.lookup(k, tuple(c * v + d for v in values))
         return a if (c, d) == (1.0, 0.0) else self._new(AFFINE, a, -1, c, d + 0.0)
 
     def sub(self, a: int, b: int) -> int:
@@ -239,6 +288,28 @@ class Graph:
             else self._new(ATAN, a, self.add(self.square(a), self.const(1.0)), 0.0)
         )
 
+    def again(self, op: int, a: int, b: int, c: float, d: float) -> int:
+        """Return the node of an operation on other operands; of a pair, of the one asked for."""
+        return {
+            ADD: lambda: self.add(a, b),
+            SUB: lambda: self.sub(a, b),
+            MUL: lambda: self.mul(a, b),
+            DIV: lambda: self.div(a, b),
+            AFFINE: lambda: self.add(self.mul(self.const(c), a), self.const(d)),
+            RDIV: lambda: self.div(self.const(c), a),
+            SQR: lambda: self.square(a),
+            POW: lambda: self.power(a, self.const(c)),
+            EXP: lambda: self.exp(a),
+            LOG: lambda: self.log(a),
+            ATAN: lambda: self.arctan(a),
+            SIN: lambda: self.sin(a),
+            COS: lambda: self.cos(a),
+            SINH: lambda: self.sinh(a),
+            COSH: lambda: self.cosh(a),
+            TANH: lambda: self.tanh(a),
+            SECH2: lambda: self.sub(self.const(1.0), self.square(self.tanh(a))),
+        }[op]()
+
     def derivative(self, i: int, var: int, done: dict) -> int:
         """Return the node of the derivative of node i in the input `var`.
 
@@ -252,7 +323,7 @@ class Graph:
                 stack.pop()
                 continue
             op, a, b, _, _ = self.nodes[j]
-            if op in (INPUT, CONST):
+            if op in (INPUT, CONST, LOOKUP):
                 done[j] = self.const(1.0 if op == INPUT and a == var else 0.0)
                 continue
             rows = [a] if b < 0 or op in (LOG, ATAN) else [a, b]
@@ -268,6 +339,8 @@ class Graph:
         da, db: derivatives of its operands.
         """
         op, a, b, c, _ = self.nodes[y]
+        if op == SELECT:
+            return self.select(int(c), [da, db])
         if self.value(da) == 0.0 and (db < 0 or self.value(db) == 0.0):
             return self.const(0.0)
         if op in (ADD, SUB):

@@ -1,19 +1,34 @@
 """Trace a factory: run it once on arrays of graph nodes, so that its operations become a graph.
 
-A `Traced` looks like a float64 array. What cannot be traced (a branch on a value, kinks, a function
-without recurrence) is a TypeError: such a case stays with numpy. Reductions, products of matrices
-and indexing are carried out while tracing.
+A `Traced` looks like a float64 array. Comparisons are arrays of 0 and 1 that depend on the state of
+a kink (tracing.kinks). What cannot be traced (a branch on a value, a function without recurrence) is
+a TypeError that says what to write instead: such a case stays with numpy. Reductions, products of
+matrices and indexing are carried out while tracing.
 """
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
 from nsbench.solvers.event_driven.array_operator_mixin import ArrayOperators
+from nsbench.solvers.event_driven.filippov.tracing import kinks
 from nsbench.solvers.event_driven.filippov.tracing.graph import Graph
 
 # nodes are numbered from here in arrays: a plain integer that gets among them is recognised
 BASE = 1 << 40
+SMOOTH = "write it with sqrt, exp, log, sin, cos, tan, sinh, cosh, tanh and arctan"
+PERIODIC = "it has a jump in every period; write those of the run with xp.where or xp.interp"
+# what to write for functions of numpy that cannot be traced
+REMEDIES = {
+    "equal": "write < or >: equality holds for no length of time",
+    "not_equal": "write < or >: equality holds for no length of time",
+    **dict.fromkeys(
+        ("floor", "ceil", "rint", "trunc", "fmod", "remainder", "floor_divide"), PERIODIC
+    ),
+    **dict.fromkeys(("arcsin", "arccos", "arctan2", "arcsinh", "arctanh", "cbrt"), SMOOTH),
+}
 
 
 class Traced(ArrayOperators):
@@ -40,20 +55,63 @@ class Traced(ArrayOperators):
             and not any(v is not None for v in kwargs.values())
         ):
             return UFUNCS[ufunc](self.graph, *inputs)
-        raise TypeError(f"{ufunc.__name__} cannot be traced")
+        raise refusal(ufunc.__name__)
 
     def __array_function__(self, func, types, args, kwargs):
         if func in FUNCTIONS:
             return FUNCTIONS[func](*args, **kwargs)
+        if func is np.take and isinstance(args[1], Traced):
+            return _take(*args, **kwargs)
         if func in ARRANGE:
             return Traced(self.graph, func(*[_numbered(self.graph, a) for a in args], **kwargs))
-        raise TypeError(f"{func.__name__} cannot be traced")
+        raise refusal(func.__name__)
 
     def __bool__(self):
-        raise TypeError("a traced number has no truth value")
+        raise TypeError("a branch on a value cannot be traced; write xp.where(c, a, b) for `if c`")
 
     def __float__(self):
-        raise TypeError("a traced number is no float")
+        raise TypeError(
+            "a function of plain numbers, as of math or scipy, cannot be traced; write those of "
+            "xp, for a spline xp.searchsorted and xp.take"
+        )
+
+    def __index__(self):
+        raise TypeError("an index that is traced; write xp.take(table, j) for table[j]")
+
+    def __abs__(self):
+        return np.abs(self)
+
+    def __lt__(self, o):
+        return np.less(self, o)
+
+    def __le__(self, o):
+        return np.less_equal(self, o)
+
+    def __gt__(self, o):
+        return np.greater(self, o)
+
+    def __ge__(self, o):
+        return np.greater_equal(self, o)
+
+    def __eq__(self, o):
+        return np.equal(self, o)
+
+    def __ne__(self, o):
+        return np.not_equal(self, o)
+
+    __hash__ = None
+
+    def __and__(self, o):
+        return np.logical_and(self, o)
+
+    def __or__(self, o):
+        return np.logical_or(self, o)
+
+    __rand__ = __and__
+    __ror__ = __or__
+
+    def __invert__(self):
+        return np.logical_not(self)
 
     def __len__(self):
         if not self.shape:
@@ -86,6 +144,24 @@ class Traced(ArrayOperators):
 
     def dot(self, o):
         return _product(self, o)
+
+    def mean(self, axis=None):
+        return _mean(self, axis)
+
+    def max(self, axis=None):
+        return np.max(self, axis=axis)
+
+    def min(self, axis=None):
+        return np.min(self, axis=axis)
+
+    def clip(self, lo=None, hi=None):
+        return _clip(self, lo, hi)
+
+
+def refusal(name: str) -> TypeError:
+    """Return the error of a function of numpy that cannot be traced, with what to write instead."""
+    remedy = REMEDIES.get(name)
+    return TypeError(f"{name} cannot be traced" + (f"; {remedy}" if remedy else ""))
 
 
 def nodes(graph: Graph, value) -> np.ndarray:
@@ -160,11 +236,73 @@ def _mean(a, axis=None, **_):
     return _sum(a, axis) / float(a.size if axis is None else a.shape[axis])
 
 
+def _fold(pick):
+    """Return a reduction along an axis, as np.max, from a function of two arrays."""
+
+    def fold(a, axis=None, **_):
+        rows = a.reshape(-1) if axis is None else np.moveaxis(a, axis, 0)
+        out = rows[0]
+        for k in range(1, len(rows)):
+            out = pick(out, rows[k])
+        return out
+
+    return fold
+
+
+def _clip(a, lo=None, hi=None, **_):
+    a = a if lo is None else np.maximum(a, lo)
+    return a if hi is None else np.minimum(a, hi)
+
+
+def _where(condition, *choices):
+    if len(choices) != 2:
+        raise TypeError("where without two values cannot be traced; write xp.where(c, a, b)")
+    found = _first([condition, *choices])
+    return _elementwise(kinks.choose)(found.graph, condition, *choices)
+
+
+def _select(conditions, choices, default=0.0):
+    out = default
+    for condition, choice in zip(reversed(conditions), reversed(choices), strict=True):
+        out = _where(condition, choice, out)
+    return out
+
+
+def _numbers(table):
+    if _first(table) is not None:
+        raise TypeError("a table of traced numbers cannot be traced; use constants")
+    return np.asarray(table, float)
+
+
+def _interp(x, xp, fp, left=None, right=None, period=None):
+    if period is not None:
+        raise TypeError(f"interp with a period cannot be traced; {PERIODIC}")
+    points = _numbers(xp)
+    values = _numbers(fp)
+    f = lambda graph, a: kinks.interpolate(graph, a, points, values, (left, right))
+    return _elementwise(f)(x.graph, x)
+
+
+def _searchsorted(a, v, side="left", sorter=None):
+    table = _numbers(a)
+    return _elementwise(lambda graph, i: kinks.search(graph, table, i))(v.graph, v)
+
+
+def _take(a, indices, axis=None, **_):
+    table = _numbers(a)
+    if table.ndim != 1:
+        raise TypeError("take from a table of several dimensions cannot be traced; use its rows")
+    return _elementwise(lambda graph, i: kinks.take(graph, table, i))(indices.graph, indices)
+
+
 def _filled(a, value):
     return Traced(a.graph, nodes(a.graph, np.full(a.shape, value)))
 
 
 _one = lambda g: g.const(1.0)
+_and = lambda g, a, b: kinks.choose(g, a, b, g.const(0.0))
+_or = lambda g, a, b: kinks.choose(g, a, _one(g), b)
+_not = lambda g, a: kinks.choose(g, a, g.const(0.0), _one(g))
 _half = lambda g: g.const(0.5)
 UFUNCS = {
     name: _elementwise(f)
@@ -190,6 +328,24 @@ UFUNCS = {
         np.tanh: Graph.tanh,
         np.arctan: Graph.arctan,
         np.hypot: lambda g, a, b: g.power(g.add(g.square(a), g.square(b)), _half(g)),
+        np.abs: kinks.absolute,
+        np.fabs: kinks.absolute,
+        np.sign: kinks.sign,
+        np.heaviside: kinks.heaviside,
+        np.maximum: kinks.maximum,
+        np.minimum: kinks.minimum,
+        np.fmax: kinks.maximum,
+        np.fmin: kinks.minimum,
+        np.greater: lambda g, a, b: kinks.greater(g, a, b, ">"),
+        np.greater_equal: lambda g, a, b: kinks.greater(g, a, b, ">="),
+        np.less: lambda g, a, b: kinks.greater(g, b, a, "<"),
+        np.less_equal: lambda g, a, b: kinks.greater(g, b, a, "<="),
+        np.logical_and: _and,
+        np.logical_or: _or,
+        np.logical_not: _not,
+        np.bitwise_and: _and,
+        np.bitwise_or: _or,
+        np.invert: _not,
     }.items()
 } | {np.matmul: lambda g, a, b: _product(a, b)}
 FUNCTIONS = {
@@ -197,6 +353,15 @@ FUNCTIONS = {
     np.dot: _product,
     np.linalg.norm: _norm,
     np.mean: _mean,
+    np.max: _fold(np.maximum),
+    np.min: _fold(np.minimum),
+    np.any: _fold(np.logical_or),
+    np.all: _fold(np.logical_and),
+    np.clip: _clip,
+    np.where: _where,
+    np.select: _select,
+    np.interp: _interp,
+    np.searchsorted: _searchsorted,
     np.copy: lambda a, **_: a.copy(),
     np.zeros_like: lambda a, **_: _filled(a, 0.0),
     np.ones_like: lambda a, **_: _filled(a, 1.0),
@@ -277,6 +442,16 @@ UNTRACEABLE = (
     OverflowError,
     ZeroDivisionError,
 )
+
+
+def describe_refusal(error: Exception) -> str:
+    """Say what of a case cannot be traced and what to write instead, with the line of its file."""
+    line = kinks.failing_line(error.__traceback__)
+    text = str(error)
+    method = re.fullmatch("'Traced' object has no attribute '(.*)'", text)
+    if method:
+        text = f"the method {method[1]} of arrays cannot be traced; write the function of xp"
+    return f"{line}: {text}" if line else text
 
 
 def inputs(graph: Graph) -> tuple[Traced, Traced]:

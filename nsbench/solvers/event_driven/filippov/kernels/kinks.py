@@ -1,0 +1,144 @@
+"""Set the states of the kinks of a program: by value, and where the motion reaches a kink.
+
+The interpreters know nothing of kinks: what depends on the state of one is a copy of a row or a
+constant, and a change of state rewrites these operations in the program (see loop_state.Kinks).
+Where a motion reaches a kink, the state is the one in which it goes on: where the drift is
+continuous there, the first derivative of the argument that does not vanish is the same in both
+states.
+"""
+
+import numpy as np
+
+from nsbench.compilation.decorators import fused_kernel, inlined, njit
+from nsbench.solvers.event_driven.filippov.kernels.mode_choice import (
+    evaluate_geometry,
+    evaluate_program,
+    rounding_band,
+)
+from nsbench.solvers.event_driven.filippov.kernels.step_certificate import lift_time, step_length
+from nsbench.solvers.event_driven.filippov.kernels.taylor_series import series
+
+# roundings of an argument within which it counts as at its break
+KINK_BAND = 16.0
+# results of `settle_kinks`; others are the number of a kink to which both sides lead
+SETTLED = -1
+UNCERTAIN = -2
+
+
+@fused_kernel
+def set_state(programs, k, s):
+    """Set the state of kink k, and rewrite the operations that depend on it."""
+    kinks = programs.kinks
+    kinks.state[k] = s
+    begin = kinks.spans[k, 2]
+    for e in range(begin, begin + kinks.spans[k, 3]):
+        operation = kinks.patches[e, 0]
+        entry = kinks.entries[kinks.patches[e, 2] + s]
+        if kinks.patches[e, 1] == 1:
+            programs.ops[operation, 1] = np.int64(entry)
+        else:
+            programs.nums[operation, 0] = entry
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
+def place_kinks(programs, d, t, x, V, G):
+    """Set the states of all kinks by the values of their arguments at (t, x); within rounding of a
+    break the state stays. d: number of surfaces, before the kinks in G (see evaluate_geometry)."""
+    kinks = programs.kinks
+    n = x.size
+    count = kinks.state.size
+    # arguments depend on the states of other kinks: as often as these can be nested
+    for _ in range(count + 1 if count > 0 else 0):
+        evaluate_geometry(programs, t, x, V, G)
+        moved = False
+        for k in range(count):
+            a = G[d + k, n + 1]
+            band = rounding_band(G, d + k, t, x, KINK_BAND)
+            lo = kinks.spans[k, 0]
+            s = kinks.state[k]
+            while s > 0 and a < kinks.breaks[lo + s - 1] - band:
+                s -= 1
+            while s < kinks.spans[k, 1] and a > kinks.breaks[lo + s] + band:
+                s += 1
+            if s != kinks.state[k]:
+                set_state(programs, k, s)
+                moved = True
+        if not moved:
+            break
+
+
+@fused_kernel
+def cross_kink(programs, w):
+    """Change the state of the kink whose watched function w, counted from the first one's, fell."""
+    k = w // 2
+    s = programs.kinks.state[k]
+    if programs.kinks.spans[k, 1] == 1:
+        set_state(programs, k, 1 - s)
+    else:
+        set_state(programs, k, s + 1 if w % 2 else s - 1)
+
+
+@inlined
+def _falling_kink(run, m, t, h):
+    """Return the first watched function of a kink, counted from the first kink's, that is within
+    rounding of zero and falls in program m, whose Taylor coefficients are work.D; SETTLED for none,
+    UNCERTAIN if one is not certain to rise, stay or fall."""
+    outs = run.programs.outs[m]
+    D = run.work.D
+    x = run.motion.x
+    d = run.motion.mode.size
+    p = run.settings.order
+    for w in range(2 * run.programs.kinks.state.size):
+        row = outs[x.size + d + w]
+        band = rounding_band(run.work.G, d + w // 2, t, x, KINK_BAND)
+        if row < 0 or D[row, 0] > band or lift_time(D, row, p, h, band) >= 0.0:
+            continue
+        for k in range(p + 1):
+            D[row, k] = -D[row, k]
+        return w if lift_time(D, row, p, h, band) > 0.0 else UNCERTAIN
+    return SETTLED
+
+
+@inlined
+def settle_kinks(run, m, t, longest):
+    """Set the states of the kinks in which the motion goes on from time t in program m.
+
+    Returns SETTLED, UNCERTAIN, or a kink whose both sides lead to it. longest: longest step.
+    """
+    programs = run.programs
+    x = run.motion.x
+    d = run.motion.mode.size
+    n = x.size
+    V = run.work.V
+    G = run.work.G
+    D = run.work.D
+    count = programs.kinks.state.size
+    place_kinks(programs, d, t, x, V, G)
+    result = SETTLED
+    for changes in range(2 * count + 2 if count > 0 else 0):
+        evaluate_program(programs, m, t, x, V)
+        near = False
+        for w in range(2 * count):
+            row = programs.outs[m, n + d + w]
+            band = rounding_band(G, d + w // 2, t, x, KINK_BAND)
+            near = near or (row >= 0 and not V[row, 0] > band)
+        if not near:
+            result = SETTLED
+            break
+        for j in range(n):
+            D[j, 0] = x[j]
+        D[n, 0] = t
+        first = programs.first[m]
+        outs = programs.outs[m]
+        p = run.settings.order
+        series(programs.ops, programs.nums, first[0], first[1], first[2], outs, n, p, D)
+        local = run.settings.local_error
+        h = step_length(D, n, p, x, outs, run.motion.armed.size, local, longest)
+        w = _falling_kink(run, m, t, h) if h > 0.0 else UNCERTAIN
+        if w < 0:
+            result = w
+            break
+        result = w // 2
+        if changes <= 2 * count:
+            cross_kink(programs, w)
+    return result
