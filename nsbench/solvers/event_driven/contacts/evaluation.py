@@ -20,6 +20,7 @@ from nsbench.dynamics.contacts.constraint_set import (
 from nsbench.dynamics.contacts.kernels.contact_arrays import Layout
 from nsbench.dynamics.scaling.estimate import case_scale
 from nsbench.problem import Affine, Distance, Smooth
+from nsbench.solvers.event_driven.contacts.kinked_drift import KinkedDrift
 from nsbench.solvers.event_driven.interval_taylor import SPACE, Jet
 
 # Up to so many pairs of hard particles all are candidates, without a bound on the displacement.
@@ -52,14 +53,15 @@ class ContactField:
     length of the case.
     """
 
-    def __init__(self, case: Case, constraints: ConstraintSet):
+    def __init__(self, case: Case, constraints: ConstraintSet, kinks: KinkedDrift | None = None):
         from nsbench.compilation.factories import as_numpy
 
         self.constraints = constraints
         self.n = case.n
         self.calls = 0
         self.length = case_scale(case).length
-        self._drift = as_numpy(case.problem.drift)
+        self._drift = as_numpy(case.problem.drift) if kinks is None else kinks.drift
+        self._kinks = kinks
         families = constraints.families
         self._state_functions = [
             case.problem.drift,
@@ -129,9 +131,16 @@ class ContactField:
 
     def enclose(self, t: Jet, x: Jet) -> list[Jet]:
         """Enclose every function that the case provides: drift, smooth constraints, moving data."""
-        return [q(SPACE)(t, x) for q in self._state_functions] + [
-            q(SPACE)(t) for q in self._time_functions
-        ]
+        of_state = self._state_functions
+        drift = []
+        if self._kinks is not None:
+            of_state = of_state[1:]  # all but the drift
+            drift = [self._kinks.enclose(t, x)]
+        return (
+            drift
+            + [q(SPACE)(t, x) for q in of_state]
+            + [q(SPACE)(t) for q in self._time_functions]
+        )
 
     def candidates(self, t: float, x: np.ndarray) -> ContactRows:
         """List every contact that can become active before a particle has moved by reach / 2 from

@@ -24,11 +24,15 @@ from nsbench.solvers.event_driven.contacts.active_set import (
     mask_of,
 )
 from nsbench.solvers.event_driven.contacts.evaluation import ContactField, ContactRows
+from nsbench.solvers.event_driven.contacts.failure_status import (
+    describe_infeasible,
+    describe_locking,
+)
+from nsbench.solvers.event_driven.contacts.kinked_drift import trace_kinked_drift
 from nsbench.solvers.event_driven.smooth.arc import Arc, integrate_to_event
 from nsbench.trajectory import Event, Resolution, Status, Trajectory
 
 RECENT_ARCS = 10  # arcs whose largest step is the time scale of the look-ahead
-LOCKING = 1e6  # multipliers over the drift beyond which contacts are said to lock
 
 
 def prepare(case: Case, options, tol: float) -> Run:
@@ -44,7 +48,8 @@ def prepare(case: Case, options, tol: float) -> Run:
     field = ContactField(case, constraints)
     setup = compiled_loop.plan_compiled_run(case, field, x, options, tol)
     field.compile(float(case.t[0]), x, arcs=setup is None)
-    new = lambda: ContactIntegrator(case, constraints, x.copy(), options, tol)
+    kinks = trace_kinked_drift(case) if setup is None else None
+    new = lambda: ContactIntegrator(case, constraints, x.copy(), options, tol, kinks)
     if setup is not None:
         compiled_loop.load(new(), setup)
 
@@ -67,11 +72,14 @@ class ContactIntegrator:
     max_closed (most contacts closed at once); it calls the methods without underscore.
     """
 
-    def __init__(self, case: Case, constraints: ConstraintSet, x: np.ndarray, options, tol: float):
+    def __init__(
+        self, case: Case, constraints: ConstraintSet, x: np.ndarray, options, tol: float, kinks=None
+    ):
         self.case = case
         self.options = options
         self.tol = tol
-        self.field = ContactField(case, constraints)
+        self.kinks = kinks  # a KinkedDrift, or None
+        self.field = ContactField(case, constraints, kinks)
         self.selector = ActiveSetSelector(self.field)
         self.t = float(case.t[0])
         self.end = float(case.t[-1])
@@ -96,6 +104,8 @@ class ContactIntegrator:
         self._steps = 0
         self._arcs = 0
         self._longest_step = 0.0
+        if kinks is not None:
+            kinks.begin(self.t, x)
 
     now = property(lambda self: time_text(self.t))  # the present time in words
 
@@ -160,7 +170,8 @@ class ContactIntegrator:
             max(self.recent_steps[-RECENT_ARCS:]),
         )
         if choice.stuck >= 0:
-            return self._infeasible_status(rows.listed.ids[index[choice.stuck]], choice.flat)
+            contact = rows.listed.ids[index[choice.stuck]]
+            return describe_infeasible(contact, choice.flat, self.now)
         closed = np.where(affected, False, self.closed)
         active = np.where(affected, False, was_active)
         closed[index[choice.closed]] = True
@@ -192,20 +203,6 @@ class ContactIntegrator:
         for kind, mask in changes:
             ids = self.candidates.listed.take(np.flatnonzero(mask)).ids
             self.events += [Event(self.t, kind, c) for c in ids]
-
-    def _infeasible_status(self, contact, flat) -> Status:
-        """Describe why no velocity satisfies a contact."""
-        if flat:
-            return Status(
-                "degenerate",
-                f"Constraint {contact}: the gradient is zero or undefined at t = {self.now}, "
-                "where it is active: no direction leads away from it.",
-            )
-        return Status(
-            "infeasible",
-            f"No velocity keeps constraint {contact} and those it depends on, at "
-            f"t = {self.now}: the constraints leave no way on.",
-        )
 
     def rebuild_candidates(self, entry: int = -1) -> int:
         """List the candidates around the present state; return the new index of an entry, or -1."""
@@ -251,24 +248,34 @@ class ContactIntegrator:
             self.candidates, np.delete(np.arange(len(self.candidates)), self.active)
         )
         list_centre = self.list_centre
+        kinks = self.kinks
+        if kinks is not None:
+            status = kinks.settle(
+                self.t, self.x, lambda t, x: field.constrained_velocity(t, x, held)[0]
+            )
+            if not status.ok:
+                return status
 
         def rhs(t: float, y: np.ndarray) -> np.ndarray:
             return np.concatenate(field.constrained_velocity(t, y[:n], held))
 
-        # Event functions: gaps of the others, multipliers, displacement of certified candidates.
+        # Event functions: gaps of the others, multipliers, displacement of certified candidates,
+        # kinks of the drift.
         def event_functions(t: float, y: np.ndarray) -> np.ndarray:
             lam = field.constrained_velocity(t, y[:n], held)[1] if p else ()
             margin = field.displacement_margin(y[:n], list_centre)
-            return np.concatenate((field.gaps(t, y[:n], others), lam, margin))
+            kinked = () if kinks is None else kinks.distances(t, y[:n])
+            return np.concatenate((field.gaps(t, y[:n], others), lam, margin, kinked))
 
         def project(t: float, y: np.ndarray) -> np.ndarray | None:
             x = field.project(t, y[:n], held)
             return None if x is None else np.concatenate((x, y[n:]))
 
         y0 = np.concatenate((self.x, np.zeros(p + n)))
-        margins = len(event_functions(self.t, y0)) - len(others) - p
+        kink_band = np.empty(0) if kinks is None else kinks.bands(self.t, self.x)
+        margins = len(event_functions(self.t, y0)) - len(others) - p - len(kink_band)
         multiplier_band = self.tol * self.selector.drift_size / held.norm
-        band = np.concatenate((self._band(others), multiplier_band, np.zeros(margins)))
+        band = np.concatenate((self._band(others), multiplier_band, np.zeros(margins), kink_band))
         arc = integrate_to_event(
             rhs,
             self.t,
@@ -286,7 +293,14 @@ class ContactIntegrator:
             data=lambda t, y: field.enclose(t, y[:n]),
         )
         self._record_arc(arc, held)
+        if arc.status.ok and np.any(arc.fired >= len(others) + p + margins):
+            return self._cross_kink(int(arc.fired[0]) - len(others) - p - margins)
         return self._end_arc(arc, held, len(others))
+
+    def _cross_kink(self, watched: int) -> Status:
+        """Change the state of a kink; choose the active contacts again if the drift jumps."""
+        jumps = self.kinks.cross(watched, self.t, self.x)
+        return self._choose_and_project() if jumps else Status()
 
     def _record_arc(self, arc: Arc, held: ContactRows):
         """Move the state to the end of the arc; record its samples, impulses and counts."""
@@ -333,13 +347,8 @@ class ContactIntegrator:
             )
         if status.code in ("degenerate", "diverged") and len(held):
             lam = self.field.constrained_velocity(self.t, self.x, held)[1] * held.norm
-            if not np.all(np.abs(lam) < LOCKING * self.selector.drift_size):
-                k = int(np.argmax(np.where(np.isfinite(lam), np.abs(lam), np.inf)))
-                return Status(
-                    "infeasible",
-                    f"Contacts lock at t = {self.now}: the multiplier of {held.listed.ids[k]} "
-                    "grows without bound.",
-                )
+            ids = held.listed.ids
+            return describe_locking(lam, self.selector.drift_size, ids, self.now) or status
         return status
 
     def _record(self, x, impulse, reaction):

@@ -9,7 +9,7 @@ states.
 
 import numpy as np
 
-from nsbench.compilation.decorators import fused_kernel, inlined, njit
+from nsbench.compilation.decorators import inlined, njit
 from nsbench.solvers.event_driven.filippov.kernels.mode_choice import (
     evaluate_geometry,
     evaluate_program,
@@ -24,8 +24,11 @@ KINK_BAND = 16.0
 SETTLED = -1
 UNCERTAIN = -2
 
+# called by drivers in Python too
+callable_kernel = njit(cache=True, error_model="numpy", forceinline=True)
 
-@fused_kernel
+
+@callable_kernel
 def set_state(programs, k, s):
     """Set the state of kink k, and rewrite the operations that depend on it."""
     kinks = programs.kinks
@@ -40,7 +43,7 @@ def set_state(programs, k, s):
             programs.nums[operation, 0] = entry
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@callable_kernel
 def place_kinks(programs, d, t, x, V, G):
     """Set the states of all kinks by the values of their arguments at (t, x); within rounding of a
     break the state stays. d: number of surfaces, before the kinks in G (see evaluate_geometry)."""
@@ -67,7 +70,7 @@ def place_kinks(programs, d, t, x, V, G):
             break
 
 
-@fused_kernel
+@callable_kernel
 def cross_kink(programs, w):
     """Change the state of the kink whose watched function w, counted from the first one's, fell."""
     k = w // 2

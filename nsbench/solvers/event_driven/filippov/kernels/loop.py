@@ -62,7 +62,7 @@ from nsbench.solvers.event_driven.filippov.kernels.mode_choice import (
     surface_met,
 )
 from nsbench.solvers.event_driven.filippov.kernels.polynomial_root import CLEAR, FOUND
-from nsbench.solvers.event_driven.filippov.kernels.step_to_event import take_step
+from nsbench.solvers.event_driven.filippov.kernels.step_to_event import TOUCH, take_step
 from nsbench.solvers.event_driven.filippov.kernels.taylor_series import horner, inner
 
 # roundings of c_i below which a watched function is not armed at the start of an arc
@@ -361,6 +361,9 @@ def follow_modes(run, begun):
                     break
             else:
                 surface = reach_surface(run, i, fired, t)
+        elif code == TOUCH:
+            m = np.int64(-1)
+            surface = np.int64(NO_SURFACE)
     run.floats[TIME] = t
 
 

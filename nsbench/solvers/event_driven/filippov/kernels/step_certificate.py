@@ -43,7 +43,6 @@ DEFECT = 100.0  # local errors by which the path may miss the equation at a node
 WATCH_TRUNCATION = 1e-9
 HALVINGS = 50  # of a step in which a watched function may leave its band
 LENGTH_TRIALS = 100  # reductions of a step length for the watched functions
-UNCERTAIN = -2  # in `first_event`: the first candidate is not certain
 
 
 @inner
@@ -249,11 +248,12 @@ def lift_time(C, row, p, h, band):
 def first_event(outs, n, p, watches, start, width, C, Q, error, lift, stack, work):
     """Find the first fall of a watched function through zero on a certified piece.
 
-    Returns CLEAR, FOUND or UNCLEAR; the watched function, -1 for none; its time from the step's
-    start, inf for none.
+    Returns CLEAR, FOUND or UNCLEAR (the first candidate is not certain); the watched function, -1
+    for none; its time from the step's start, inf for none.
     """
     first = np.inf
     which = -1
+    result = CLEAR
     for w in range(watches):
         row = outs[n + w]
         if row < 0 or lift[w] < 0.0 or lift[w] >= start + width:
@@ -268,16 +268,10 @@ def first_event(outs, n, p, watches, start, width, C, Q, error, lift, stack, wor
         for k in range(p + 1):
             size += abs(Q[n + w, k])
         code, s = first_fall(Q, n + w, p, 4.0 * error[w] + 1e-15 * size, stack, work)
-        if code == FOUND:
+        if code != CLEAR:
             time = lo + radius * (1.0 + s)
             if time < first:
                 first = time
                 which = w
-        elif code != CLEAR:
-            time = lo + radius * (1.0 + s)
-            if time < first:
-                first = time
-                which = UNCERTAIN
-    if which == UNCERTAIN:
-        return UNCLEAR, -1, first
-    return (FOUND, which, first) if which >= 0 else (CLEAR, -1, np.inf)
+                result = code
+    return result, which, first

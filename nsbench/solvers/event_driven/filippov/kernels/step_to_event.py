@@ -18,11 +18,18 @@ from nsbench.solvers.event_driven.filippov.kernels.step_certificate import (
     lift_time,
     step_length,
 )
-from nsbench.solvers.event_driven.filippov.kernels.taylor_series import horner, point, series
+from nsbench.solvers.event_driven.filippov.kernels.taylor_series import (
+    horner,
+    inner,
+    point,
+    series,
+)
 
 SPLIT = 1.5  # certified widths: a step little longer than one is shortened instead of divided
 PIECES = 16  # most pieces of a step: a shorter step is cheaper than more of them
 NO_WATCH = -1  # instead of the number of a watched function
+TOUCH = 3  # code of a step that ends where a kink is touched, beside CLEAR, FOUND and HARD
+TOUCH_POLISHES = 60  # on the time of a touch: linear where it is a root of higher order
 POLISHES = 4  # Newton steps on the event time: quadratic, from a root of the polynomial
 
 
@@ -49,6 +56,30 @@ def polish_event(programs, m, w, n, p, t, s, h, C, V):
     return s
 
 
+@inner
+def _touch_time(programs, outs, n, p, watches, w, t, s, h, C, band):
+    """Return the time near s from the step's start at which watched function w, of a kink, touches
+    zero: a zero of its slope, by Newton's method; -1 if it is of no kink or not within rounding of
+    zero there."""
+    kinks = 2 * programs.kinks.state.size
+    if not watches - 1 - kinks <= w < watches - 1:
+        return -1.0
+    row = outs[n + w]
+    for _ in range(TOUCH_POLISHES):
+        slope = 0.0
+        bend = 0.0
+        for k in range(p, 0, -1):
+            bend = bend * s + slope
+            slope = slope * s + k * C[row, k]
+        if bend == 0.0:
+            break
+        move = -slope / bend
+        s = min(max(s + move, 0.0), h)
+        if abs(move) <= 2.0 * EPS * max(abs(t + s), h):
+            break
+    return s if s > 0.0 and abs(horner(C, row, s, p)) <= band[w] else -1.0
+
+
 @inlined
 def take_step(programs, m, p, local, longest, t, x, armed, certified_width, work):
     """Take one step of order p in program m from (t, x), at most `longest`.
@@ -56,7 +87,8 @@ def take_step(programs, m, p, local, longest, t, x, armed, certified_width, work
     local: error allowed. armed (w,): watched functions that can fall through zero.
     certified_width: a width for which the certificate should hold; it is handed on from step to
     step, so that the certificate seldom fails.
-    Returns CLEAR (go on after `length`), FOUND (an event) or HARD (not certain); the length; the
+    Returns CLEAR (go on after `length`), FOUND (an event), TOUCH (a kink is touched, or reached
+    slowly: its state is to be settled) or HARD (not certain); the length; the
     watched function that fell, NO_WATCH or STEP_VANISHES; the certified width for the next step.
     Taylor coefficients are left in work.C.
     """
@@ -135,6 +167,9 @@ def _certify_step(programs, m, p, t, n, watches, h, tiny, certified_width, local
             s = polish_event(programs, m, w, n, p, t, s, h, C, V)
             return (FOUND if s >= 0.0 else HARD), s, w, certified_width
         if code != CLEAR:
+            s = _touch_time(programs, outs, n, p, watches, w, t, s, h, C, work.band)
+            if s > 0.0:
+                return TOUCH, s, NO_WATCH, certified_width
             return (CLEAR if start > 0.0 else HARD), start, NO_WATCH, certified_width
         start += width
         pieces += 1

@@ -18,6 +18,10 @@ from nsbench.solvers.event_driven.filippov.tracing.graph import Graph
 
 # nodes are numbered from here in arrays: a plain integer that gets among them is recognised
 BASE = 1 << 40
+NO_NUMBER = (
+    "a function of plain numbers, as those of math or scipy, cannot be traced; write functions of "
+    "xp, for a spline xp.searchsorted and xp.take"
+)
 SMOOTH = "write it with sqrt, exp, log, sin, cos, tan, sinh, cosh, tanh and arctan"
 PERIODIC = "it has a jump in every period; write those of the run with xp.where or xp.interp"
 # what to write for functions of numpy that cannot be traced
@@ -60,8 +64,6 @@ class Traced(ArrayOperators):
     def __array_function__(self, func, types, args, kwargs):
         if func in FUNCTIONS:
             return FUNCTIONS[func](*args, **kwargs)
-        if func is np.take and isinstance(args[1], Traced):
-            return _take(*args, **kwargs)
         if func in ARRANGE:
             return Traced(self.graph, func(*[_numbered(self.graph, a) for a in args], **kwargs))
         raise refusal(func.__name__)
@@ -70,10 +72,7 @@ class Traced(ArrayOperators):
         raise TypeError("a branch on a value cannot be traced; write xp.where(c, a, b) for `if c`")
 
     def __float__(self):
-        raise TypeError(
-            "a function of plain numbers, as of math or scipy, cannot be traced; write those of "
-            "xp, for a spline xp.searchsorted and xp.take"
-        )
+        raise TypeError(NO_NUMBER)
 
     def __index__(self):
         raise TypeError("an index that is traced; write xp.take(table, j) for table[j]")
@@ -418,6 +417,13 @@ class _Space:
     def asarray(value, dtype=None):
         return _made(value, np.asarray)
 
+    @staticmethod
+    def take(a, indices, **kwargs):
+        # numpy does not hand its function to the class of the indices
+        if isinstance(indices, Traced):
+            return _take(a, indices, **kwargs)
+        return np.take(a, indices, **kwargs)
+
 
 def _made(value, make):
     found = _first(value)
@@ -446,8 +452,11 @@ UNTRACEABLE = (
 
 def describe_refusal(error: Exception) -> str:
     """Say what of a case cannot be traced and what to write instead, with the line of its file."""
-    line = kinks.failing_line(error.__traceback__)
+    places = kinks.failing_places(error)
+    line = kinks.user_line(places)
     text = str(error)
+    if not (places[-1].inner or line == str(places[-1])):
+        text = NO_NUMBER
     method = re.fullmatch("'Traced' object has no attribute '(.*)'", text)
     if method:
         text = f"the method {method[1]} of arrays cannot be traced; write the function of xp"
