@@ -223,6 +223,15 @@ WORK = (
     Column(
         "loop", "work", "word", "", "loop over steps: compiled or host (Python)", owner="solver"
     ),
+    Column(
+        "note",
+        "work",
+        "word",
+        "",
+        "why an event-driven run was followed in Python, and why steps are not proven to hide no "
+        "event: what cannot be traced, in which line, and what to write instead",
+        owner="solver",
+    ),
     Column("integrator", "work", "word", "", "integrator that a penalty chose", owner="solver"),
 )
 CLOCK = (

@@ -43,6 +43,7 @@ from nsbench.report.tables.reliability_tables import (
 )
 from nsbench.report.verdict import compare_speeds, write_headline, write_verdict
 
+MAX_NOTES = 3  # of one method on one case: most differ in their numbers only
 MAX_DRAWN_CASES = 100  # cases with figures: a page of more could not be opened
 
 
@@ -221,8 +222,8 @@ def _where(env: dict) -> list[str]:
 def write_case_notes(data: Data, case: str, summaries: dict[tuple, Summary]) -> list[str]:
     """Write the sentences below the docstring of one case.
 
-    They say why there is no number, where multipliers are not unique, and which step keeps the
-    constraints.
+    They say why there is no number, where multipliers are not unique, which step keeps the
+    constraints, and what methods noted of their own runs.
     """
     own = [s for (c, _), s in summaries.items() if c == case]
     out = []
@@ -246,4 +247,7 @@ def write_case_notes(data: Data, case: str, summaries: dict[tuple, Summary]) -> 
                 for c in found[:4]
             )
             out.append(f"Violation below {format_power(target)}: {reached}.")
+    for runs in data.of_case(case):
+        noted = dict.fromkeys(n for n in runs.col["note"] if n)
+        out += [f"{runs.solver}: {sanitise(n)}" for n in list(noted)[:MAX_NOTES]]
     return out

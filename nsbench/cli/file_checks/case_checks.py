@@ -84,6 +84,7 @@ def _run_event_driven(case: Case, say: Say) -> Trajectory | None:
     words = (
         loop.get(traj.stats.get("loop"), ""),
         roots.get(traj.stats.get("roots"), ""),
+        traj.stats.get("note", ""),
         "" if traj.status.ok else str(traj.status),
     )
     say(f"{case.key}: event_driven: {'; '.join(filter(None, words))}")

@@ -97,7 +97,7 @@ class EventDriven:
         if tol >= 0.1:
             raise ValueError(f"tol is {tol!r}; below 0.1 is needed")
         if isinstance(case.problem, Complementarity):
-            from nsbench.solvers.event_driven.contacts.host_loop import prepare
+            from nsbench.solvers.event_driven.contacts.preparation import prepare
         elif isinstance(case.problem, LCS):
             from nsbench.solvers.event_driven.lcs.loop import prepare
         elif isinstance(case.problem, Hybrid):

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from nsbench.case import Case
+from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 from nsbench.problem import Smooth
 from nsbench.solvers.event_driven.contacts import active_set
 from nsbench.solvers.event_driven.contacts.affine_drift import affine_drift
@@ -92,6 +93,17 @@ def plan_compiled_run(
         order,
         step_error * field.length,
     )
+
+
+def why_in_python(options, constraints: ConstraintSet) -> str:
+    """Say why `plan_compiled_run` has no compiled run for a case."""
+    if options.method != "dop853":
+        return f"method={options.method} was asked for"
+    if constraints.moving:
+        return "constraints move"
+    if any(isinstance(c, Smooth) for c in constraints.families):
+        return "a Smooth constraint is no Affine or Distance"
+    return "the drift is not proven to be A x + c, all that the compiled loop of contacts takes"
 
 
 def load(integrator: ContactIntegrator, setup: CompiledSetup) -> None:

@@ -14,8 +14,6 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.case.scale import span_text, time_text
 from nsbench.dynamics.contacts.constraint_set import ConstraintSet
-from nsbench.solvers.base import Run
-from nsbench.solvers.common.initial_state import initial_state
 from nsbench.solvers.event_driven.accumulation import crowded_events
 from nsbench.solvers.event_driven.contacts import compiled_loop
 from nsbench.solvers.event_driven.contacts.active_set import (
@@ -28,39 +26,12 @@ from nsbench.solvers.event_driven.contacts.failure_status import (
     describe_infeasible,
     describe_locking,
 )
-from nsbench.solvers.event_driven.contacts.kinked_drift import trace_kinked_drift
+from nsbench.solvers.event_driven.contacts.kinked_drift import KinkedDrift
+from nsbench.solvers.event_driven.slow_path import describe_slow_path, points
 from nsbench.solvers.event_driven.smooth.arc import Arc, integrate_to_event
 from nsbench.trajectory import Event, Resolution, Status, Trajectory
 
 RECENT_ARCS = 10  # arcs whose largest step is the time scale of the look-ahead
-
-
-def prepare(case: Case, options, tol: float) -> Run:
-    """Prepare a run of a Complementarity case, compiled where the case allows it.
-
-    options: an EventDriven method. tol: tolerance of the arcs. Raises ValueError for an infeasible
-    start.
-    """
-    import scipy.integrate  # noqa: F401  (loaded here, not in the timed run)
-
-    constraints = ConstraintSet(case.problem, case.n)
-    x = initial_state(case, constraints)
-    field = ContactField(case, constraints)
-    setup = compiled_loop.plan_compiled_run(case, field, x, options, tol)
-    field.compile(float(case.t[0]), x, arcs=setup is None)
-    kinks = trace_kinked_drift(case) if setup is None else None
-    new = lambda: ContactIntegrator(case, constraints, x.copy(), options, tol, kinks)
-    if setup is not None:
-        compiled_loop.load(new(), setup)
-
-    def run() -> Trajectory:
-        if setup is not None:
-            integrator = new()
-            if compiled_loop.run(integrator, setup):
-                return integrator.trajectory(Status())
-        return new().run()
-
-    return run
 
 
 class ContactIntegrator:
@@ -73,12 +44,20 @@ class ContactIntegrator:
     """
 
     def __init__(
-        self, case: Case, constraints: ConstraintSet, x: np.ndarray, options, tol: float, kinks=None
+        self,
+        case: Case,
+        constraints: ConstraintSet,
+        x: np.ndarray,
+        options,
+        tol: float,
+        kinks: KinkedDrift | None = None,
+        untraced: str = "",
     ):
         self.case = case
         self.options = options
         self.tol = tol
-        self.kinks = kinks  # a KinkedDrift, or None
+        self.kinks = kinks  # None: the drift has none, or it cannot be traced
+        self._untraced = untraced  # why
         self.field = ContactField(case, constraints, kinks)
         self.selector = ActiveSetSelector(self.field)
         self.t = float(case.t[0])
@@ -101,6 +80,7 @@ class ContactIntegrator:
         self._recorded = 0
         self._proof = {"unproven": 0, "refused": 0, "touches": 0}
         self._loop = "host"
+        self._why_in_python = compiled_loop.why_in_python(options, constraints)
         self._steps = 0
         self._arcs = 0
         self._longest_step = 0.0
@@ -393,6 +373,13 @@ class ContactIntegrator:
             "loop": self._loop,
             "roots": "sampled" if self._proof["unproven"] else "verified",
             **self._proof,
+            **describe_slow_path(
+                self._why_in_python if self._loop == "host" else "",
+                [],
+                self._proof["unproven"],
+                lambda: self.field.enclose(*points(self.t, self.x)),
+                self._untraced,
+            ),
         }
         return Trajectory(
             self.case.t,

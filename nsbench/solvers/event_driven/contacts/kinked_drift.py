@@ -25,8 +25,9 @@ FLAT = 1e-7  # relative size below which the rate of an argument decides nothing
 SAME_DRIFT = 1e-12  # relative difference below which the drift is continuous at a kink
 
 
-def trace_kinked_drift(case: Case) -> KinkedDrift | None:
-    """Trace the drift of a Complementarity case; None if it has no kinks or cannot be traced."""
+def trace_kinked_drift(case: Case) -> tuple[KinkedDrift | None, str]:
+    """Trace the drift of a Complementarity case: its kinks, None if it has none or cannot be
+    traced, and why it cannot."""
     drift = case.problem.drift
     problem = SimpleNamespace(
         field=lambda xp: (lambda f: lambda t, x, s: f(t, x))(drift(xp)),
@@ -34,9 +35,9 @@ def trace_kinked_drift(case: Case) -> KinkedDrift | None:
     )
     try:
         programs = trace_programs(problem, 0, float(case.t[0]), case.x0)
-    except UntraceableError:
-        return None
-    return KinkedDrift(programs) if programs.places else None
+    except UntraceableError as e:
+        return None, str(e)
+    return KinkedDrift(programs) if programs.places else None, ""
 
 
 class KinkedDrift:

@@ -151,7 +151,7 @@ class CompiledLoop:
             return Status(
                 "diverged", f"The state grew to {size_text(size)} at t = {time_text(host.t)}."
             )
-        host.hosted += 1
+        host.hosted.append(stop.code)
         if stop.code == codes.START:
             return host.start()
         if stop.code == codes.MEET:

@@ -28,6 +28,7 @@ from nsbench.solvers.event_driven.filippov.mode_search import (
     surface_names,
 )
 from nsbench.solvers.event_driven.filippov.program import UntraceableError, trace_programs
+from nsbench.solvers.event_driven.slow_path import describe_slow_path, points
 from nsbench.solvers.event_driven.smooth.arc import UNPROVEN_PARTS, integrate_to_event
 from nsbench.trajectory import Event, Resolution, Status, Trajectory
 
@@ -127,9 +128,9 @@ class FilippovIntegrator:
     """One run: the state of the motion, its arcs, and what is recorded of them."""
 
     def __init__(self, case, field, options, tol, compiled=None, reason=""):
-        self.compiled = compiled  # the compiled loop, and how often it needed help
+        self.compiled = compiled
         self.reason = reason  # without it: why
-        self.hosted = 0
+        self.hosted = []  # codes with which the compiled loop handed over
         self.case = case
         self.field = field
         self.options = options
@@ -209,6 +210,12 @@ class FilippovIntegrator:
             "loop": "host" if self.compiled is None or self.hosted else "compiled",
             "roots": "sampled" if self.proof["unproven"] else "verified",
             **self.proof,
+            **describe_slow_path(
+                "" if self.compiled else self.reason,
+                self.hosted,
+                self.proof["unproven"],
+                lambda: self.interval_fields(*points(self.t, self.x), self.mode),
+            ),
         }
         if self.ends is not None:
             stats["accumulation"] = float(self.ends)

@@ -1,0 +1,41 @@
+"""Prepare runs of Complementarity cases: compiled where the case allows it, else in Python."""
+
+from __future__ import annotations
+
+from nsbench.case import Case
+from nsbench.dynamics.contacts.constraint_set import ConstraintSet
+from nsbench.solvers.base import Run
+from nsbench.solvers.common.initial_state import initial_state
+from nsbench.solvers.event_driven.contacts import compiled_loop
+from nsbench.solvers.event_driven.contacts.evaluation import ContactField
+from nsbench.solvers.event_driven.contacts.host_loop import ContactIntegrator
+from nsbench.solvers.event_driven.contacts.kinked_drift import trace_kinked_drift
+from nsbench.trajectory import Status, Trajectory
+
+
+def prepare(case: Case, options, tol: float) -> Run:
+    """Prepare a run of a Complementarity case, compiled where the case allows it.
+
+    options: an EventDriven method. tol: tolerance of the arcs. Raises ValueError for an infeasible
+    start.
+    """
+    import scipy.integrate  # noqa: F401  (loaded here, not in the timed run)
+
+    constraints = ConstraintSet(case.problem, case.n)
+    x = initial_state(case, constraints)
+    field = ContactField(case, constraints)
+    setup = compiled_loop.plan_compiled_run(case, field, x, options, tol)
+    field.compile(float(case.t[0]), x, arcs=setup is None)
+    kinks, untraced = trace_kinked_drift(case) if setup is None else (None, "")
+    new = lambda: ContactIntegrator(case, constraints, x.copy(), options, tol, kinks, untraced)
+    if setup is not None:
+        compiled_loop.load(new(), setup)
+
+    def run() -> Trajectory:
+        if setup is not None:
+            integrator = new()
+            if compiled_loop.run(integrator, setup):
+                return integrator.trajectory(Status())
+        return new().run()
+
+    return run
