@@ -59,12 +59,13 @@ class KinkedDrift:
         self.watched = outs[self.n : self.n + 2 * self.count]
         self.V = np.zeros((self.programs.rows, 1))
         self.G = np.zeros((self.count, self.n + 2))
+        self.held = -1  # the kink that was just reached
 
     def begin(self, t: float, x: np.ndarray) -> None:
         """Set the states at the start of a run."""
         for k in range(self.count):
             self.kernels.set_state(self.programs, k, 0)
-        self.kernels.place_kinks(self.programs, 0, t, x, self.V, self.G)
+        self.kernels.place_kinks(self.programs, 0, -1, t, x, self.V, self.G)
 
     def drift(self, t: float, x: np.ndarray) -> np.ndarray:
         """Evaluate the drift f(t, x), (n,), in the present states."""
@@ -96,9 +97,10 @@ class KinkedDrift:
         velocity_of(t, x) -> (n,): in the present states. The status is degenerate if both sides
         lead to a jump of the drift.
         """
-        self.kernels.place_kinks(self.programs, 0, float(t), x, self.V, self.G)
+        self.kernels.place_kinks(self.programs, 0, self.held, float(t), x, self.V, self.G)
         band = self.bands(t, x)
         for _ in range(2 * self.count + 2):
+            self.held = -1
             near = self.distances(t, x) <= band
             if not near.any():
                 return Status()
@@ -123,6 +125,7 @@ class KinkedDrift:
         jump?"""
         before = self.drift(t, x)
         self.kernels.cross_kink(self.programs, w)
+        self.held = w // 2
         after = self.drift(t, x)
         size = np.maximum(np.abs(before), np.abs(after)).max(initial=0.0)
         return bool(np.any(np.abs(after - before) > SAME_DRIFT * size))

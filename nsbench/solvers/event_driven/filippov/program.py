@@ -62,7 +62,7 @@ class TracedPrograms:
         from nsbench.solvers.event_driven.filippov.kernels.kinks import place_kinks
 
         G = np.zeros((self.d + len(self.places), self.n + 2))
-        place_kinks(self.programs, self.d, float(t), x, V, G)
+        place_kinks(self.programs, self.d, -1, float(t), x, V, G)
         table = self.programs.kinks
         size = 1.0 + np.abs(x).max(initial=abs(t))
         for (lo, count, _, _), row in zip(table.spans, G[self.d :], strict=True):

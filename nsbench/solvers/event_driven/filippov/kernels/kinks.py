@@ -44,9 +44,11 @@ def set_state(programs, k, s):
 
 
 @callable_kernel
-def place_kinks(programs, d, t, x, V, G):
+def place_kinks(programs, d, held, t, x, V, G):
     """Set the states of all kinks by the values of their arguments at (t, x); within rounding of a
-    break the state stays. d: number of surfaces, before the kinks in G (see evaluate_geometry)."""
+    break the state stays, and that of the kink `held` (-1: none), which was just reached.
+
+    d: number of surfaces, before the kinks in G (see evaluate_geometry)."""
     kinks = programs.kinks
     n = x.size
     count = kinks.state.size
@@ -63,7 +65,7 @@ def place_kinks(programs, d, t, x, V, G):
                 s -= 1
             while s < kinks.spans[k, 1] and a > kinks.breaks[lo + s] + band:
                 s += 1
-            if s != kinks.state[k]:
+            if s != kinks.state[k] and k != held:
                 set_state(programs, k, s)
                 moved = True
         if not moved:
@@ -82,7 +84,19 @@ def cross_kink(programs, w):
 
 
 @inlined
-def _falling_kink(run, m, t, h):
+def kink_band(run, w, held, t):
+    """Return what rounding leaves of the watched function w of a kink, counted from the first
+    kink's; of the kink `held`, which was just reached, at least what it was on the way there."""
+    k = w // 2
+    d = run.motion.mode.size
+    band = rounding_band(run.work.G, d + k, t, run.motion.x, KINK_BAND)
+    if k == held:
+        band = max(band, max(run.work.band[d + 2 * k], run.work.band[d + 2 * k + 1]))
+    return band
+
+
+@inlined
+def _falling_kink(run, m, held, t, h):
     """Return the first watched function of a kink, counted from the first kink's, that is within
     rounding of zero and falls in program m, whose Taylor coefficients are work.D; SETTLED for none,
     UNCERTAIN if one is not certain to rise, stay or fall."""
@@ -93,7 +107,7 @@ def _falling_kink(run, m, t, h):
     p = run.settings.order
     for w in range(2 * run.programs.kinks.state.size):
         row = outs[x.size + d + w]
-        band = rounding_band(run.work.G, d + w // 2, t, x, KINK_BAND)
+        band = kink_band(run, w, held, t)
         if row < 0 or D[row, 0] > band or lift_time(D, row, p, h, band) >= 0.0:
             continue
         for k in range(p + 1):
@@ -103,10 +117,11 @@ def _falling_kink(run, m, t, h):
 
 
 @inlined
-def settle_kinks(run, m, t, longest):
+def settle_kinks(run, m, held, t, longest):
     """Set the states of the kinks in which the motion goes on from time t in program m.
 
-    Returns SETTLED, UNCERTAIN, or a kink whose both sides lead to it. longest: longest step.
+    Returns SETTLED, UNCERTAIN, or a kink whose both sides lead to it. held: kink that was just
+    reached, or -1. longest: longest step.
     """
     programs = run.programs
     x = run.motion.x
@@ -116,14 +131,14 @@ def settle_kinks(run, m, t, longest):
     G = run.work.G
     D = run.work.D
     count = programs.kinks.state.size
-    place_kinks(programs, d, t, x, V, G)
+    place_kinks(programs, d, held, t, x, V, G)
     result = SETTLED
     for changes in range(2 * count + 2 if count > 0 else 0):
         evaluate_program(programs, m, t, x, V)
         near = False
         for w in range(2 * count):
             row = programs.outs[m, n + d + w]
-            band = rounding_band(G, d + w // 2, t, x, KINK_BAND)
+            band = kink_band(run, w, held, t)
             near = near or (row >= 0 and not V[row, 0] > band)
         if not near:
             result = SETTLED
@@ -137,7 +152,7 @@ def settle_kinks(run, m, t, longest):
         series(programs.ops, programs.nums, first[0], first[1], first[2], outs, n, p, D)
         local = run.settings.local_error
         h = step_length(D, n, p, x, outs, run.motion.armed.size, local, longest)
-        w = _falling_kink(run, m, t, h) if h > 0.0 else UNCERTAIN
+        w = _falling_kink(run, m, held, t, h) if h > 0.0 else UNCERTAIN
         if w < 0:
             result = w
             break

@@ -13,6 +13,7 @@ from nsbench.solvers.event_driven.filippov.kernels.kinks import (
     SETTLED,
     UNCERTAIN,
     cross_kink,
+    kink_band,
     place_kinks,
     set_state,
     settle_kinks,
@@ -91,9 +92,10 @@ def events_accumulate(ring, count, span):
 
 
 @inlined
-def arm_watches(run, m, i, t):
+def arm_watches(run, m, i, held, t):
     """Set which watched functions are armed at the start of an arc in program m, sliding on surface
-    i or -1, and the bands of those that are not; False if one is below its band."""
+    i or -1, and the bands of those that are not; False if one is below its band. held: kink that
+    was just reached, or -1."""
     x = run.motion.x
     armed = run.motion.armed
     band = run.work.band
@@ -103,8 +105,11 @@ def arm_watches(run, m, i, t):
     d = run.motion.mode.size
     evaluate_geometry(run.programs, t, x, V, G)
     last = armed.size - 1  # of the weight
-    for k in range(last):
-        band[k] = rounding_band(G, k if k < d else d + (k - d) // 2, t, x, ARC_BAND)
+    for k in range(d):
+        band[k] = rounding_band(G, k, t, x, ARC_BAND)
+    for k in range(d, last, 2):
+        band[k] = kink_band(run, k - d, held, t)
+        band[k + 1] = band[k]
     if i >= 0:
         band[i] = FLAT
     band[last] = FLAT
@@ -230,13 +235,14 @@ def change_mode(run, i, t, begun):
 
 
 @inlined
-def begin_arc(run, surface, t, begun):
-    """Choose the mode if a surface was reached, and begin an arc in it; returns its program, or
-    -1, with counters[CODE], if the loop ends."""
+def begin_arc(run, surface, held, t, begun):
+    """Choose the mode if a surface was reached, settle the kinks and begin an arc; returns its
+    program, or -1, with counters[CODE], if the loop ends. held: kink that was just reached, or
+    -1."""
     counters = run.counters
     motion = run.motion
     work = run.work
-    place_kinks(run.programs, motion.mode.size, t, motion.x, work.V, work.G)
+    place_kinks(run.programs, motion.mode.size, held, t, motion.x, work.V, work.G)
     if surface != NO_SURFACE and not change_mode(run, surface, t, begun):
         return -1
     m = program_of_mode(run.modes.table, motion.mode)
@@ -248,13 +254,13 @@ def begin_arc(run, surface, t, begun):
     if i >= 0:
         project_onto_surface(run.programs, i, t, motion.x, work.V, work.G)
     longest = min(run.settings.longest_step, run.records.times[-1] - t)
-    k = settle_kinks(run, m, t, longest)
+    k = settle_kinks(run, m, held, t, longest)
     if k != SETTLED:
         if k != UNCERTAIN:
             counters[CODE] = KINK
         counters[FIRED] = k
         return -1
-    if not arm_watches(run, m, i, t):
+    if not arm_watches(run, m, i, held, t):
         return -1
     counters[ARCS] += 1
     return m
@@ -316,14 +322,15 @@ def follow_modes(run, begun):
     surface = np.int64(NO_SURFACE)  # no literal: one version of choose_mode
     certified_width = np.inf
     kinks = programs.kinks.state.size
+    held = np.int64(-1)
     if begun == CHOOSE_START:
         for k in range(kinks):
             set_state(programs, k, 0)
-        place_kinks(programs, mode.size, t, x, V, G)
+        place_kinks(programs, mode.size, held, t, x, V, G)
         surface = surface_met(programs, t, x, mode, surface, V, G)
     while True:
         if m < 0:
-            m = begin_arc(run, surface, t, begun)
+            m = begin_arc(run, surface, held, t, begun)
             if m < 0:
                 break
             i = run.modes.slides[m]
@@ -353,8 +360,10 @@ def follow_modes(run, begun):
         if code == FOUND:
             m = np.int64(-1)
             kink = fired - mode.size
+            held = np.int64(-1)
             if 0 <= kink < 2 * kinks:
                 cross_kink(programs, kink)
+                held = kink // 2
                 surface = np.int64(NO_SURFACE)
                 if t >= T:
                     counters[CODE] = END
@@ -363,6 +372,7 @@ def follow_modes(run, begun):
                 surface = reach_surface(run, i, fired, t)
         elif code == TOUCH:
             m = np.int64(-1)
+            held = (fired - mode.size) // 2
             surface = np.int64(NO_SURFACE)
     run.floats[TIME] = t
 

@@ -29,8 +29,8 @@ SPLIT = 1.5  # certified widths: a step little longer than one is shortened inst
 PIECES = 16  # most pieces of a step: a shorter step is cheaper than more of them
 NO_WATCH = -1  # instead of the number of a watched function
 TOUCH = 3  # code of a step that ends where a kink is touched, beside CLEAR, FOUND and HARD
-TOUCH_POLISHES = 60  # on the time of a touch: linear where it is a root of higher order
 POLISHES = 4  # Newton steps on the event time: quadratic, from a root of the polynomial
+TOUCH_POLISHES = 60  # on the time of a touch: linear where it is a root of higher order
 
 
 @inlined
@@ -89,7 +89,7 @@ def take_step(programs, m, p, local, longest, t, x, armed, certified_width, work
     step, so that the certificate seldom fails.
     Returns CLEAR (go on after `length`), FOUND (an event), TOUCH (a kink is touched, or reached
     slowly: its state is to be settled) or HARD (not certain); the length; the
-    watched function that fell, NO_WATCH or STEP_VANISHES; the certified width for the next step.
+    watched function that fell or touched zero, NO_WATCH or STEP_VANISHES; the certified width for the next step.
     Taylor coefficients are left in work.C.
     """
     n = x.size
@@ -169,7 +169,7 @@ def _certify_step(programs, m, p, t, n, watches, h, tiny, certified_width, local
         if code != CLEAR:
             s = _touch_time(programs, outs, n, p, watches, w, t, s, h, C, work.band)
             if s > 0.0:
-                return TOUCH, s, NO_WATCH, certified_width
+                return TOUCH, s, w, certified_width
             return (CLEAR if start > 0.0 else HARD), start, NO_WATCH, certified_width
         start += width
         pieces += 1

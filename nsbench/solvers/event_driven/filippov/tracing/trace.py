@@ -74,9 +74,6 @@ class Traced(ArrayOperators):
     def __float__(self):
         raise TypeError(NO_NUMBER)
 
-    def __index__(self):
-        raise TypeError("an index that is traced; write xp.take(table, j) for table[j]")
-
     def __abs__(self):
         return np.abs(self)
 
@@ -457,6 +454,8 @@ def describe_refusal(error: Exception) -> str:
     text = str(error)
     if not (places[-1].inner or line == str(places[-1])):
         text = NO_NUMBER
+    if isinstance(error, IndexError) and "valid indices" in text:
+        text = "an index cannot be traced; write xp.take(table, j) for table[j]"
     method = re.fullmatch("'Traced' object has no attribute '(.*)'", text)
     if method:
         text = f"the method {method[1]} of arrays cannot be traced; write the function of xp"
