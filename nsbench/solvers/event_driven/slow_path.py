@@ -34,11 +34,13 @@ def describe_slow_path(
         sentences.append(f"The loop ran in Python, which is slower: {reason}.")
     if hand_overs:
         causes = ", or ".join(HAND_OVERS[c] for c in dict.fromkeys(hand_overs) if c in HAND_OVERS)
-        sentences.append(
-            f"The compiled loop handed over to Python {len(hand_overs)} times, because {causes}."
-        )
+        count = len(hand_overs)
+        times = "once" if count == 1 else f"{count} times"
+        sentences.append(f"The compiled loop handed over to Python {times}, because {causes}.")
     if unproven:
-        sentences.append(f"{unproven} steps are not proven to hide no event: {_doubt(data, untraced)}.")
+        doubt = _doubt(data, untraced)
+        steps = "1 step is" if unproven == 1 else f"{unproven} steps are"
+        sentences.append(f"{steps} not proven to hide no event: {doubt}.")
     return {"note": " ".join(sentences)} if sentences else {}
 
 

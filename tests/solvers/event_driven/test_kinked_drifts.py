@@ -111,7 +111,9 @@ OSCILLATORS = {
         lambda xp, t, x, s: xp.array(
             [x[1], pushed(x, t, xp) - 0.2 * xp.abs(x[1]) * x[1] - 1.5 * s[0]]
         ),
-        lambda xp, t, x, s: xp.array([x[1], pushed(x, t, xp) - 0.2 * s[0] * x[1] ** 2 - 1.5 * s[0]]),
+        lambda xp, t, x, s: xp.array(
+            [x[1], pushed(x, t, xp) - 0.2 * s[0] * x[1] ** 2 - 1.5 * s[0]]
+        ),
         lambda xp, t, x: x[1:2],
     ),
     "a jump at the surface itself": (
@@ -150,6 +152,13 @@ def test_a_jump_that_both_sides_lead_to_is_refused_with_its_line():
     assert traj.status.code == "degenerate" and "switching surface" in str(traj.status)
     assert "`sign` in line" in str(traj.status) and __file__.rpartition("/")[2] in str(traj.status)
     assert abs(float(str(traj.status).split("t = ")[1].split()[0]) - 0.7) < 1e-5
+
+
+def test_a_start_from_which_both_sides_of_a_jump_lead_away_is_not_decided_by_a_compiled_run():
+    apart = factory(lambda xp, t, x: xp.array([xp.sign(x[0]), 1.0 + 0.0 * t]))
+    problem = Filippov({(1,): apart, (-1,): apart}, factory(smooth_surface))
+    traj = solve(Case("apart", problem, np.zeros(2), np.array([0.0, 0.1])), "event_driven")
+    assert traj.stats["loop"] == "host" and "handed over to Python once" in traj.stats["note"]
 
 
 TRIANGLE = np.arange(4.0), np.array([-1.0, 1.0, -1.0, 1.0])

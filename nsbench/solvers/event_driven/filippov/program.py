@@ -45,7 +45,8 @@ LOCAL_SHARE = 0.03  # of the tolerance goes to one step (as in smooth.arc)
 class TracedPrograms:
     """Programs of the modes of a case with n states and d surfaces.
 
-    places: operation and line of the user's file of each kink. watches: number of watched functions.
+    places: operation and line of the user's file of each kink. watches: number of watched
+    functions.
     """
 
     def __init__(self, programs: Programs, modes: Modes, n: int, d: int, places: tuple[str, ...]):

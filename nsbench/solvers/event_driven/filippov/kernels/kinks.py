@@ -9,7 +9,7 @@ states.
 
 import numpy as np
 
-from nsbench.compilation.decorators import inlined, njit
+from nsbench.compilation.decorators import inlined, inner_kernel, njit
 from nsbench.solvers.event_driven.filippov.kernels.mode_choice import (
     evaluate_geometry,
     evaluate_program,
@@ -116,6 +116,46 @@ def _falling_kink(run, m, held, t, h):
     return SETTLED
 
 
+@inner_kernel
+def expand_motion(programs, m, t, x, settings, watches, longest, D):
+    """Fill D with the Taylor coefficients of program m at (t, x); return the length of a step."""
+    n = x.size
+    p = settings.order
+    for j in range(n):
+        D[j, 0] = x[j]
+    D[n, 0] = t
+    first = programs.first[m]
+    outs = programs.outs[m]
+    series(programs.ops, programs.nums, first[0], first[1], first[2], outs, n, p, D)
+    return step_length(D, n, p, x, outs, watches, settings.local_error, longest)
+
+
+@inlined
+def leads_away(run, m, t, longest):
+    """Does a kink have both states as the one in which the motion goes on from its start? Then the
+    drift jumps there, and the motion is not unique."""
+    programs = run.programs
+    x = run.motion.x
+    D = run.work.D
+    p = run.settings.order
+    d = run.motion.mode.size
+    watches = run.motion.armed.size
+    found = False
+    for k in range(programs.kinks.state.size):
+        row = programs.outs[m, x.size + d + 2 * k]
+        band = rounding_band(run.work.G, d + k, t, x, KINK_BAND)
+        if row < 0 or programs.kinks.spans[k, 1] > 1:
+            continue
+        both = True
+        for _ in range(2):
+            h = expand_motion(programs, m, t, x, run.settings, watches, longest, D)
+            both = both and h > 0.0 and abs(D[row, 0]) <= band and D[row, 1] > 0.0
+            both = both and lift_time(D, row, p, h, band) > 0.0
+            cross_kink(programs, 2 * k)
+        found = found or both
+    return found
+
+
 @inlined
 def settle_kinks(run, m, held, t, longest):
     """Set the states of the kinks in which the motion goes on from time t in program m.
@@ -143,15 +183,7 @@ def settle_kinks(run, m, held, t, longest):
         if not near:
             result = SETTLED
             break
-        for j in range(n):
-            D[j, 0] = x[j]
-        D[n, 0] = t
-        first = programs.first[m]
-        outs = programs.outs[m]
-        p = run.settings.order
-        series(programs.ops, programs.nums, first[0], first[1], first[2], outs, n, p, D)
-        local = run.settings.local_error
-        h = step_length(D, n, p, x, outs, run.motion.armed.size, local, longest)
+        h = expand_motion(programs, m, t, x, run.settings, run.motion.armed.size, longest, D)
         w = _falling_kink(run, m, held, t, h) if h > 0.0 else UNCERTAIN
         if w < 0:
             result = w

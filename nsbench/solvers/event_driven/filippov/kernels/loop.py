@@ -14,6 +14,7 @@ from nsbench.solvers.event_driven.filippov.kernels.kinks import (
     UNCERTAIN,
     cross_kink,
     kink_band,
+    leads_away,
     place_kinks,
     set_state,
     settle_kinks,
@@ -259,6 +260,8 @@ def begin_arc(run, surface, held, t, begun):
         if k != UNCERTAIN:
             counters[CODE] = KINK
         counters[FIRED] = k
+        return -1
+    if begun == CHOOSE_START and leads_away(run, m, t, longest):
         return -1
     if not arm_watches(run, m, i, held, t):
         return -1

@@ -115,9 +115,9 @@ class Workspace(NamedTuple):
     midpoints and radii of the enclosure there. V (rows, ORDER): values at points. error (w,):
     what those polynomials miss of the watched functions. lift (w,): time after which a watched
     function that is not armed is above its band. band (w,): what rounding leaves of each.
-    stack, shifted: for `first_fall`. G (d + K, n + 2): gradient, time derivative and value of
-    each switch function and each argument of a kink. F (2, n): fields on both sides of a surface. y (n,): a state. D (rows, p + 1):
-    Taylor coefficients of a trial motion.
+    stack, shifted: for `first_fall`. G (d + K, n + 2): gradient, time derivative and value of each
+    switch function and each argument of a kink. F (2, n): fields on both sides of a surface.
+    y (n,): a state. D (rows, p + 1): Taylor coefficients of a trial motion.
     """
 
     C: np.ndarray

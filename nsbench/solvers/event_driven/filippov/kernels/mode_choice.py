@@ -2,8 +2,8 @@
 where that is certain.
 
 The last of the programs (see loop_state.Programs) computes value, gradient and time derivative of
-every switch function c_i and of the arguments of kinks. Conditions, bands and trial motions are those of
-event_driven.filippov.mode_search, in which the host decides what is not certain here.
+every switch function c_i and of the arguments of kinks. Conditions, bands and trial motions are
+those of event_driven.filippov.mode_search, in which the host decides what is not certain here.
 """
 
 import numpy as np

@@ -88,8 +88,8 @@ def take_step(programs, m, p, local, longest, t, x, armed, certified_width, work
     certified_width: a width for which the certificate should hold; it is handed on from step to
     step, so that the certificate seldom fails.
     Returns CLEAR (go on after `length`), FOUND (an event), TOUCH (a kink is touched, or reached
-    slowly: its state is to be settled) or HARD (not certain); the length; the
-    watched function that fell or touched zero, NO_WATCH or STEP_VANISHES; the certified width for the next step.
+    slowly: its state is to be settled) or HARD (not certain); the length; the watched function that
+    fell or touched zero, NO_WATCH or STEP_VANISHES; the certified width for the next step.
     Taylor coefficients are left in work.C.
     """
     n = x.size

@@ -1,9 +1,9 @@
 """Trace a factory: run it once on arrays of graph nodes, so that its operations become a graph.
 
 A `Traced` looks like a float64 array. Comparisons are arrays of 0 and 1 that depend on the state of
-a kink (tracing.kinks). What cannot be traced (a branch on a value, a function without recurrence) is
-a TypeError that says what to write instead: such a case stays with numpy. Reductions, products of
-matrices and indexing are carried out while tracing.
+a kink (tracing.kinks). What cannot be traced (a branch on a value, a function without recurrence)
+is a TypeError that says what to write instead: such a case stays with numpy. Reductions, products
+of matrices and indexing are carried out while tracing.
 """
 
 from __future__ import annotations
