@@ -57,6 +57,22 @@ DRIFTS = {
 }
 
 
+ELEMENTARY = {
+    "logarithms": (lambda xp, u: xp.log2(u) + xp.log10(u) + xp.log1p(u) + xp.expm1(u)),
+    "inverse": (lambda xp, u: xp.arcsin(0.3 * u) + xp.arccos(0.4 * u)),
+    "sums": (lambda xp, u: xp.cumsum(xp.array([u, u * u, 1.0 + 0.0 * u]))[1]),
+}
+
+
+@pytest.mark.parametrize("name", ELEMENTARY)
+def test_functions_written_by_others_are_traced(name):
+    f = ELEMENTARY[name]
+    traj = solve(along_a_line(lambda xp, t, u: f(xp, u + 1.3)), "event_driven")
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    assert is_compiled_and_proven(traj)
+    assert abs(traj.x[-1, 1] - weights @ [f(np, v + 1.3) for v in nodes]) < 1e-12
+
+
 def smooth_surface(xp, t, x):
     return x[0:1] + 100.0
 
@@ -212,10 +228,11 @@ REFUSED = {
     "spline(x[0])": "xp.searchsorted and xp.take",
     "math.sin(x[0])": "write functions of xp",
     "1.0 if x[0] > 0.0 else 2.0": "write xp.where(c, a, b) for `if c`",
-    "x.cumsum()[0]": "cumsum of arrays cannot be traced",
+    "x.prod()": "the method prod of arrays cannot be traced",
+    "x[0] % 1.0": "remainder cannot be traced; it has a jump in every period",
     "np.arange(3.0)[np.searchsorted(np.ones(2), x[0])]": "write xp.take(table, j) for table[j]",
     "xp.where(x[0] == 0.0, 0.0, 1.0)": "equality holds for no length of time",
-    "xp.arctan2(x[0], 1.0)": "arctan",
+    "xp.arctan2(x[0], 1.0)": "write arctan, as in",
 }
 
 

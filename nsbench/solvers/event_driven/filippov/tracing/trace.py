@@ -31,7 +31,9 @@ REMEDIES = {
     **dict.fromkeys(
         ("floor", "ceil", "rint", "trunc", "fmod", "remainder", "floor_divide"), PERIODIC
     ),
-    **dict.fromkeys(("arcsin", "arccos", "arctan2", "arcsinh", "arctanh", "cbrt"), SMOOTH),
+    **dict.fromkeys(("arcsinh", "arccosh", "arctanh", "cbrt"), SMOOTH),
+    "arctan2": "write arctan, as in 2 * xp.arctan(y / (xp.hypot(x, y) + x)) for arctan2(y, x)",
+    "sort": "write xp.minimum and xp.maximum of the entries",
 }
 
 
@@ -96,6 +98,12 @@ class Traced(ArrayOperators):
         return np.not_equal(self, o)
 
     __hash__ = None
+
+    def __mod__(self, o):
+        return np.remainder(self, o)
+
+    def __floordiv__(self, o):
+        return np.floor_divide(self, o)
 
     def __and__(self, o):
         return np.logical_and(self, o)
@@ -291,11 +299,20 @@ def _take(a, indices, axis=None, **_):
     return _elementwise(lambda graph, i: kinks.take(graph, table, i))(indices.graph, indices)
 
 
+def _cumsum(a, axis=None, **_):
+    rows = a.reshape(-1) if axis is None else np.moveaxis(a, axis, 0)
+    sums = [rows[0]]
+    for k in range(1, len(rows)):
+        sums.append(sums[-1] + rows[k])
+    return np.stack(sums, axis=axis or 0)
+
+
 def _filled(a, value):
     return Traced(a.graph, nodes(a.graph, np.full(a.shape, value)))
 
 
 _one = lambda g: g.const(1.0)
+_arcsin = lambda g, a: g.arctan(g.div(a, g.power(g.sub(_one(g), g.square(a)), _half(g))))
 _and = lambda g, a, b: kinks.choose(g, a, b, g.const(0.0))
 _or = lambda g, a, b: kinks.choose(g, a, _one(g), b)
 _not = lambda g, a: kinks.choose(g, a, g.const(0.0), _one(g))
@@ -316,6 +333,12 @@ UFUNCS = {
         np.reciprocal: lambda g, a: g.div(_one(g), a),
         np.exp: Graph.exp,
         np.log: Graph.log,
+        np.log2: lambda g, a: g.mul(g.const(1.0 / np.log(2.0)), g.log(a)),
+        np.log10: lambda g, a: g.mul(g.const(1.0 / np.log(10.0)), g.log(a)),
+        np.log1p: lambda g, a: g.log(g.add(a, _one(g))),
+        np.expm1: lambda g, a: g.sub(g.exp(a), _one(g)),
+        np.arcsin: _arcsin,
+        np.arccos: lambda g, a: g.sub(g.const(0.5 * np.pi), _arcsin(g, a)),
         np.sin: Graph.sin,
         np.cos: Graph.cos,
         np.tan: lambda g, a: g.div(g.sin(a), g.cos(a)),
@@ -349,6 +372,7 @@ FUNCTIONS = {
     np.dot: _product,
     np.linalg.norm: _norm,
     np.mean: _mean,
+    np.cumsum: _cumsum,
     np.max: _fold(np.maximum),
     np.min: _fold(np.minimum),
     np.any: _fold(np.logical_or),
