@@ -63,9 +63,8 @@ class KinkedDrift:
 
     def begin(self, t: float, x: np.ndarray) -> None:
         """Set the states at the start of a run."""
-        for k in range(self.count):
-            self.kernels.set_state(self.programs, k, 0)
-        self.kernels.place_kinks(self.programs, 0, -1, t, x, self.V, self.G)
+        self.held = -1
+        self.kernels.begin_kinks(self.programs, 0, float(t), x, self.V, self.G)
 
     def drift(self, t: float, x: np.ndarray) -> np.ndarray:
         """Evaluate the drift f(t, x), (n,), in the present states."""

@@ -73,6 +73,14 @@ def place_kinks(programs, d, held, t, x, V, G):
 
 
 @callable_kernel
+def begin_kinks(programs, d, t, x, V, G):
+    """Set the states of all kinks at the start of a run, whatever they were before."""
+    for k in range(programs.kinks.state.size):
+        set_state(programs, k, 0)
+    place_kinks(programs, d, -1, t, x, V, G)
+
+
+@callable_kernel
 def cross_kink(programs, w):
     """Change the state of the kink whose watched function w, counted from the first one's, fell."""
     k = w // 2

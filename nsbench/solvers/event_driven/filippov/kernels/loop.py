@@ -9,37 +9,19 @@ that are not unique, steps that cannot be certified.
 import numpy as np
 
 from nsbench.compilation.decorators import inlined, njit
-from nsbench.solvers.event_driven.filippov.kernels.kinks import (
-    SETTLED,
-    UNCERTAIN,
-    cross_kink,
-    kink_band,
-    leads_away,
-    place_kinks,
-    set_state,
-    settle_kinks,
-)
+from nsbench.solvers.event_driven.filippov.kernels.kinks import begin_kinks
 from nsbench.solvers.event_driven.filippov.kernels.loop_state import (
-    ARCS,
     CALLS,
     CARRY,
     CODE,
     COUNT,
     DONE,
     END,
-    EVENTS,
     FIRED,
-    FULL,
     HARD,
-    KINK,
     LONGEST,
-    MEET,
-    MEETINGS,
-    RING,
-    START,
     STEPS,
     TIME,
-    WINDOW,
     Kinks,
     Modes,
     Motion,
@@ -49,79 +31,24 @@ from nsbench.solvers.event_driven.filippov.kernels.loop_state import (
     Settings,
     Workspace,
 )
+from nsbench.solvers.event_driven.filippov.kernels.mode_change import (
+    ARC_BEGINS,
+    CHOOSE_START,
+    begin_arc,
+    pass_event,
+)
 from nsbench.solvers.event_driven.filippov.kernels.mode_choice import (
-    EPS,
-    FLAT,
     NO_SURFACE,
-    SEVERAL_SURFACES,
-    UNKNOWN,
-    choose_mode,
-    evaluate_geometry,
-    evaluate_program,
-    program_of_mode,
     project_onto_surface,
-    rounding_band,
     surface_met,
 )
 from nsbench.solvers.event_driven.filippov.kernels.polynomial_root import CLEAR, FOUND
 from nsbench.solvers.event_driven.filippov.kernels.step_to_event import TOUCH, take_step
 from nsbench.solvers.event_driven.filippov.kernels.taylor_series import horner, inner
 
-# roundings of c_i below which a watched function is not armed at the start of an arc
-ARC_BAND = 16.0
 # steps of one arc, and those to come at the present length, beyond which the equation is stiff
 STIFF_STEPS = 4000
 STIFF_STEPS_AHEAD = 1e6
-
-# how the loop begins, in the argument `begun` of integrate_modes
-CHOOSE_START = 0  # with the choice of the mode at the start
-ARC_BEGINS = 1  # in a given mode
-
-
-@inner
-def events_accumulate(ring, count, span):
-    """Do the events, the last of `count` in ring with the latest last, accumulate? The test is that
-    of event_driven.accumulation."""
-    if count <= 2 * WINDOW:
-        return False
-    last = ring[RING - 1] - ring[RING - 1 - WINDOW]
-    before = ring[RING - 1 - WINDOW] - ring[RING - 1 - 2 * WINDOW]
-    if last + before <= 16 * EPS * abs(ring[RING - 1]):
-        return True
-    ratio = last / before if before > 0.0 else 1.0
-    return ratio < 0.9 and last * ratio / (1.0 - ratio) <= 1e-10 * span
-
-
-@inlined
-def arm_watches(run, m, i, held, t):
-    """Set which watched functions are armed at the start of an arc in program m, sliding on surface
-    i or -1, and the bands of those that are not; False if one is below its band. held: kink that
-    was just reached, or -1."""
-    x = run.motion.x
-    armed = run.motion.armed
-    band = run.work.band
-    V = run.work.V
-    G = run.work.G
-    n = x.size
-    d = run.motion.mode.size
-    evaluate_geometry(run.programs, t, x, V, G)
-    last = armed.size - 1  # of the weight
-    for k in range(d):
-        band[k] = rounding_band(G, k, t, x, ARC_BAND)
-    for k in range(d, last, 2):
-        band[k] = kink_band(run, k - d, held, t)
-        band[k + 1] = band[k]
-    if i >= 0:
-        band[i] = FLAT
-    band[last] = FLAT
-    evaluate_program(run.programs, m, t, x, V)
-    fine = True
-    for k in range(armed.size):
-        row = run.programs.outs[m, n + k]
-        value = V[row, 0] if row >= 0 else 1.0
-        fine = fine and np.isfinite(value) and value >= -band[k]
-        armed[k] = value > band[k]
-    return fine
 
 
 @inner
@@ -169,104 +96,6 @@ def advance_motion(outs, i, p, h, mode, x, theta, armed, band, C):
     for k in range(armed.size):
         if outs[n + k] >= 0 and not armed[k]:
             armed[k] = horner(C, outs[n + k], h, p) > band[k]
-
-
-@inlined
-def reach_surface(run, i, fired, t):
-    """Note the time of an event and return the surface reached (see surface_met);
-    SEVERAL_SURFACES where events are too many or accumulate. i: the surface slid on, or -1; fired:
-    the watched function that fell."""
-    motion = run.motion
-    ring = run.records.ring
-    for k in range(RING - 1):
-        ring[k] = ring[k + 1]
-    ring[RING - 1] = t
-    run.counters[FIRED] = fired
-    events = run.counters[MEETINGS]
-    if events >= run.settings.events:
-        return SEVERAL_SURFACES
-    if events_accumulate(ring, events + 1, run.settings.span):
-        return SEVERAL_SURFACES
-    before = i if fired == motion.armed.size - 1 else fired
-    return surface_met(run.programs, t, motion.x, motion.mode, before, run.work.V, run.work.G)
-
-
-@inlined
-def log_event(run, i, old, new, t):
-    """Write down an event of surface i, from the mode `old` to `new`."""
-    e = run.counters[EVENTS]
-    run.records.log[e, 0] = t
-    run.records.log[e, 1] = run.motion.theta[i]
-    surface_and_modes = run.records.logged[e]
-    surface_and_modes[0] = i
-    surface_and_modes[1] = old
-    surface_and_modes[2] = new
-    run.counters[EVENTS] += 1
-    run.counters[MEETINGS] += 1
-
-
-@inlined
-def change_mode(run, i, t, begun):
-    """Choose the mode of the surface i that was reached and record the event; False, with
-    counters[CODE], if the loop ends."""
-    motion = run.motion
-    mode = motion.mode
-    counters = run.counters
-    uncertain = START if begun == CHOOSE_START else MEET
-    if i == SEVERAL_SURFACES:
-        counters[CODE] = uncertain
-        return False
-    old = mode[i]
-    q = choose_mode(run.programs, run.modes, i, t, motion.x, mode, run.settings, run.work)
-    mode[i] = old
-    if q == UNKNOWN or (begun != CHOOSE_START and q == old):
-        counters[CODE] = uncertain
-        return False
-    mode[i] = q
-    if begun != CHOOSE_START:
-        log_event(run, i, old, q, t)
-        if t >= run.records.times[-1]:
-            counters[CODE] = END
-            return False
-    if counters[EVENTS] == run.records.log.shape[0]:
-        counters[CODE] = FULL
-        counters[CARRY] = 0
-        return False
-    return True
-
-
-@inlined
-def begin_arc(run, surface, held, t, begun):
-    """Choose the mode if a surface was reached, settle the kinks and begin an arc; returns its
-    program, or -1, with counters[CODE], if the loop ends. held: kink that was just reached, or
-    -1."""
-    counters = run.counters
-    motion = run.motion
-    work = run.work
-    place_kinks(run.programs, motion.mode.size, held, t, motion.x, work.V, work.G)
-    if surface != NO_SURFACE and not change_mode(run, surface, t, begun):
-        return -1
-    m = program_of_mode(run.modes.table, motion.mode)
-    counters[CODE] = HARD
-    counters[CARRY] = 0
-    if m < 0:
-        return -1
-    i = run.modes.slides[m]
-    if i >= 0:
-        project_onto_surface(run.programs, i, t, motion.x, work.V, work.G)
-    longest = min(run.settings.longest_step, run.records.times[-1] - t)
-    k = settle_kinks(run, m, held, t, longest)
-    if k != SETTLED:
-        if k != UNCERTAIN:
-            counters[CODE] = KINK
-        counters[FIRED] = k
-        return -1
-    if begun == CHOOSE_START and leads_away(run, m, t, longest):
-        return -1
-    if not arm_watches(run, m, i, held, t):
-        return -1
-    counters[ARCS] += 1
-    return m
 
 
 @inlined
@@ -324,12 +153,9 @@ def follow_modes(run, begun):
     steps_of_arc = 0
     surface = np.int64(NO_SURFACE)  # no literal: one version of choose_mode
     certified_width = np.inf
-    kinks = programs.kinks.state.size
     held = np.int64(-1)
     if begun == CHOOSE_START:
-        for k in range(kinks):
-            set_state(programs, k, 0)
-        place_kinks(programs, mode.size, held, t, x, V, G)
+        begin_kinks(programs, mode.size, t, x, V, G)
         surface = surface_met(programs, t, x, mode, surface, V, G)
     while True:
         if m < 0:
@@ -360,23 +186,12 @@ def follow_modes(run, begun):
         if last:
             counters[CODE] = END
             break
-        if code == FOUND:
+        if code == FOUND or code == TOUCH:
+            surface, held = pass_event(run, m, i, fired, code == TOUCH, t)
             m = np.int64(-1)
-            kink = fired - mode.size
-            held = np.int64(-1)
-            if 0 <= kink < 2 * kinks:
-                cross_kink(programs, kink)
-                held = kink // 2
-                surface = np.int64(NO_SURFACE)
-                if t >= T:
-                    counters[CODE] = END
-                    break
-            else:
-                surface = reach_surface(run, i, fired, t)
-        elif code == TOUCH:
-            m = np.int64(-1)
-            held = (fired - mode.size) // 2
-            surface = np.int64(NO_SURFACE)
+            if held >= 0 and t >= T:
+                counters[CODE] = END
+                break
     run.floats[TIME] = t
 
 
