@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 
 from nsbench.solvers.event_driven.filippov.kernels import loop_state as codes
-from nsbench.solvers.event_driven.filippov.tracing.trace import UNTRACEABLE, describe_refusal
+from nsbench.solvers.event_driven.filippov.tracing.refusals import UNTRACEABLE, describe_refusal
 from nsbench.solvers.event_driven.interval_taylor import Jet, as_jet
 
 HAND_OVERS = {

@@ -170,6 +170,15 @@ def test_a_jump_that_both_sides_lead_to_is_refused_with_its_line():
     assert abs(float(str(traj.status).split("t = ")[1].split()[0]) - 0.7) < 1e-5
 
 
+@pytest.mark.parametrize("at", [1.373, 2.0 / 3.0])
+def test_a_sliding_motion_is_let_go_where_the_drift_jumps(at):
+    against = lambda xp, t, x, s: xp.where(t < at, 0.0, 3.0) - s + 0.0 * x
+    traj = solve(signs(against, lambda xp, t, x: x, [0.5], 3.0), "event_driven")
+    assert is_compiled_and_proven(traj) and abs(traj.x[-1, 0] - 2.0 * (3.0 - at)) < 1e-13
+    assert [e.kind for e in traj.events] == ["enter", "exit"]
+    assert abs(traj.events[1].t - at) < 1e-14
+
+
 def test_a_start_from_which_both_sides_of_a_jump_lead_away_is_not_decided_by_a_compiled_run():
     apart = factory(lambda xp, t, x: xp.array([xp.sign(x[0]), 1.0 + 0.0 * t]))
     problem = Filippov({(1,): apart, (-1,): apart}, factory(smooth_surface))

@@ -25,13 +25,8 @@ from nsbench.solvers.event_driven.filippov.kernels.loop_state import (
 from nsbench.solvers.event_driven.filippov.tracing import kinks
 from nsbench.solvers.event_driven.filippov.tracing.graph import Graph
 from nsbench.solvers.event_driven.filippov.tracing.layout import lay_out, nodes_needed
-from nsbench.solvers.event_driven.filippov.tracing.trace import (
-    SPACE,
-    UNTRACEABLE,
-    describe_refusal,
-    inputs,
-    vector,
-)
+from nsbench.solvers.event_driven.filippov.tracing.refusals import UNTRACEABLE, describe_refusal
+from nsbench.solvers.event_driven.filippov.tracing.trace import SPACE, inputs, vector
 
 MOST_SURFACES = 4  # 2^d fields are traced
 PROBES = 5  # points at which the programs must agree with the case

@@ -8,33 +8,32 @@ of matrices and indexing are carried out while tracing.
 
 from __future__ import annotations
 
-import re
+from collections.abc import Callable
 
 import numpy as np
 
 from nsbench.solvers.event_driven.array_operator_mixin import ArrayOperators
 from nsbench.solvers.event_driven.filippov.tracing import kinks
 from nsbench.solvers.event_driven.filippov.tracing.graph import Graph
+from nsbench.solvers.event_driven.filippov.tracing.refusals import NO_NUMBER, refusal
 
 # nodes are numbered from here in arrays: a plain integer that gets among them is recognised
 BASE = 1 << 40
-NO_NUMBER = (
-    "a function of plain numbers, as those of math or scipy, cannot be traced; write functions of "
-    "xp, for a spline xp.searchsorted and xp.take"
-)
-SMOOTH = "write it with sqrt, exp, log, sin, cos, tan, sinh, cosh, tanh and arctan"
-PERIODIC = "it has a jump in every period; write those of the run with xp.where or xp.interp"
-# what to write for functions of numpy that cannot be traced
-REMEDIES = {
-    "equal": "write < or >: equality holds for no length of time",
-    "not_equal": "write < or >: equality holds for no length of time",
-    **dict.fromkeys(
-        ("floor", "ceil", "rint", "trunc", "fmod", "remainder", "floor_divide"), PERIODIC
-    ),
-    **dict.fromkeys(("arcsinh", "arccosh", "arctanh", "cbrt"), SMOOTH),
-    "arctan2": "write arctan, as in 2 * xp.arctan(y / (xp.hypot(x, y) + x)) for arctan2(y, x)",
-    "sort": "write xp.minimum and xp.maximum of the entries",
-}
+# numpy function -> implementation; of the last only the entries move
+_ufuncs: dict[Callable, Callable] = {}
+_functions: dict[Callable, Callable] = {}
+_rearrangements: set[Callable] = set()
+
+
+def register_numpy_functions(
+    ufuncs: dict[Callable, Callable],
+    functions: dict[Callable, Callable],
+    rearrangements: set[Callable],
+) -> None:
+    """Register the functions of numpy that a Traced takes, as in interval_taylor.jet."""
+    _ufuncs.update(ufuncs)
+    _functions.update(functions)
+    _rearrangements.update(rearrangements)
 
 
 class Traced(ArrayOperators):
@@ -57,16 +56,16 @@ class Traced(ArrayOperators):
     def __array_ufunc__(self, ufunc, method, *inputs, **kwargs):
         if (
             method == "__call__"
-            and ufunc in UFUNCS
+            and ufunc in _ufuncs
             and not any(v is not None for v in kwargs.values())
         ):
-            return UFUNCS[ufunc](self.graph, *inputs)
+            return _ufuncs[ufunc](self.graph, *inputs)
         raise refusal(ufunc.__name__)
 
     def __array_function__(self, func, types, args, kwargs):
-        if func in FUNCTIONS:
-            return FUNCTIONS[func](*args, **kwargs)
-        if func in ARRANGE:
+        if func in _functions:
+            return _functions[func](*args, **kwargs)
+        if func in _rearrangements:
             return Traced(self.graph, func(*[_numbered(self.graph, a) for a in args], **kwargs))
         raise refusal(func.__name__)
 
@@ -144,13 +143,13 @@ class Traced(ArrayOperators):
         return np.negative(self)
 
     def sum(self, axis=None):
-        return _sum(self, axis)
+        return np.sum(self, axis=axis)
 
     def dot(self, o):
-        return _product(self, o)
+        return np.dot(self, o)
 
     def mean(self, axis=None):
-        return _mean(self, axis)
+        return np.mean(self, axis=axis)
 
     def max(self, axis=None):
         return np.max(self, axis=axis)
@@ -159,13 +158,7 @@ class Traced(ArrayOperators):
         return np.min(self, axis=axis)
 
     def clip(self, lo=None, hi=None):
-        return _clip(self, lo, hi)
-
-
-def refusal(name: str) -> TypeError:
-    """Return the error of a function of numpy that cannot be traced, with what to write instead."""
-    remedy = REMEDIES.get(name)
-    return TypeError(f"{name} cannot be traced" + (f"; {remedy}" if remedy else ""))
+        return np.clip(self, lo, hi)
 
 
 def nodes(graph: Graph, value) -> np.ndarray:
@@ -195,7 +188,9 @@ def _numbered(graph, a):
     return a
 
 
-def _elementwise(method):
+def elementwise(method: Callable) -> Callable:
+    """Return the function of arrays that applies `method(graph, *nodes)` entry by entry."""
+
     def f(graph, *args):
         rows = np.broadcast_arrays(*[nodes(graph, a) for a in args])
         out = np.empty(rows[0].shape, np.int64)
@@ -208,218 +203,18 @@ def _elementwise(method):
     return f
 
 
-def _sum(a, axis=None, **_):
-    ids = a.ids.reshape(-1) if axis is None else np.moveaxis(a.ids, axis, 0)
-    if not len(ids):
-        return Traced(a.graph, nodes(a.graph, np.zeros(ids.shape[1:])))
-    out = Traced(a.graph, ids[0])
-    for row in ids[1:]:
-        out = out + Traced(a.graph, row)
-    return out
-
-
-def _product(a, b):
-    """a @ b for vectors and matrices."""
-    graph = a.graph if isinstance(a, Traced) else b.graph
-    a = Traced(graph, nodes(graph, a))
-    b = Traced(graph, nodes(graph, b))
-    if a.ndim == 1:
-        return _sum(a * b if b.ndim == 1 else a[:, None] * b, 0)
-    if a.ndim == 2 and b.ndim in (1, 2):
-        return _sum(a * b[None], 1) if b.ndim == 1 else _sum(a[:, :, None] * b[None], 1)
-    raise TypeError("this product cannot be traced")
-
-
-def _norm(a, ord=None, axis=None, **_):
-    if ord not in (None, 2) or (axis is None and a.ndim > 1):
-        raise TypeError("this norm cannot be traced")
-    return np.sqrt(_sum(a * a, axis))
-
-
-def _mean(a, axis=None, **_):
-    return _sum(a, axis) / float(a.size if axis is None else a.shape[axis])
-
-
-def _fold(pick):
-    """Return a reduction along an axis, as np.max, from a function of two arrays."""
-
-    def fold(a, axis=None, **_):
-        rows = a.reshape(-1) if axis is None else np.moveaxis(a, axis, 0)
-        out = rows[0]
-        for k in range(1, len(rows)):
-            out = pick(out, rows[k])
-        return out
-
-    return fold
-
-
-def _clip(a, lo=None, hi=None, **_):
-    a = a if lo is None else np.maximum(a, lo)
-    return a if hi is None else np.minimum(a, hi)
-
-
-def _where(condition, *choices):
-    if len(choices) != 2:
-        raise TypeError("where without two values cannot be traced; write xp.where(c, a, b)")
-    found = _first([condition, *choices])
-    return _elementwise(kinks.choose)(found.graph, condition, *choices)
-
-
-def _select(conditions, choices, default=0.0):
-    out = default
-    for condition, choice in zip(reversed(conditions), reversed(choices), strict=True):
-        out = _where(condition, choice, out)
-    return out
-
-
-def _numbers(table):
-    if _first(table) is not None:
+def constant_table(table: np.ndarray) -> np.ndarray:
+    """Return a table as an array of floats; raises TypeError for traced entries."""
+    if find_traced(table) is not None:
         raise TypeError("a table of traced numbers cannot be traced; use constants")
     return np.asarray(table, float)
 
 
-def _interp(x, xp, fp, left=None, right=None, period=None):
-    if period is not None:
-        raise TypeError(f"interp with a period cannot be traced; {PERIODIC}")
-    points = _numbers(xp)
-    values = _numbers(fp)
-    f = lambda graph, a: kinks.interpolate(graph, a, points, values, (left, right))
-    return _elementwise(f)(x.graph, x)
-
-
-def _searchsorted(a, v, side="left", sorter=None):
-    table = _numbers(a)
-    return _elementwise(lambda graph, i: kinks.search(graph, table, i))(v.graph, v)
-
-
-def _take(a, indices, axis=None, **_):
-    table = _numbers(a)
+def _take(a, indices):
+    table = constant_table(a)
     if table.ndim != 1:
         raise TypeError("take from a table of several dimensions cannot be traced; use its rows")
-    return _elementwise(lambda graph, i: kinks.take(graph, table, i))(indices.graph, indices)
-
-
-def _cumsum(a, axis=None, **_):
-    rows = a.reshape(-1) if axis is None else np.moveaxis(a, axis, 0)
-    sums = [rows[0]]
-    for k in range(1, len(rows)):
-        sums.append(sums[-1] + rows[k])
-    return np.stack(sums, axis=axis or 0)
-
-
-def _filled(a, value):
-    return Traced(a.graph, nodes(a.graph, np.full(a.shape, value)))
-
-
-_one = lambda g: g.const(1.0)
-_arcsin = lambda g, a: g.arctan(g.div(a, g.power(g.sub(_one(g), g.square(a)), _half(g))))
-_and = lambda g, a, b: kinks.choose(g, a, b, g.const(0.0))
-_or = lambda g, a, b: kinks.choose(g, a, _one(g), b)
-_not = lambda g, a: kinks.choose(g, a, g.const(0.0), _one(g))
-_half = lambda g: g.const(0.5)
-UFUNCS = {
-    name: _elementwise(f)
-    for name, f in {
-        np.add: Graph.add,
-        np.subtract: Graph.sub,
-        np.multiply: Graph.mul,
-        np.true_divide: Graph.div,
-        np.power: Graph.power,
-        np.float_power: Graph.power,
-        np.negative: Graph.neg,
-        np.positive: lambda g, a: a,
-        np.square: Graph.square,
-        np.sqrt: lambda g, a: g.power(a, _half(g)),
-        np.reciprocal: lambda g, a: g.div(_one(g), a),
-        np.exp: Graph.exp,
-        np.log: Graph.log,
-        np.log2: lambda g, a: g.mul(g.const(1.0 / np.log(2.0)), g.log(a)),
-        np.log10: lambda g, a: g.mul(g.const(1.0 / np.log(10.0)), g.log(a)),
-        np.log1p: lambda g, a: g.log(g.add(a, _one(g))),
-        np.expm1: lambda g, a: g.sub(g.exp(a), _one(g)),
-        np.arcsin: _arcsin,
-        np.arccos: lambda g, a: g.sub(g.const(0.5 * np.pi), _arcsin(g, a)),
-        np.sin: Graph.sin,
-        np.cos: Graph.cos,
-        np.tan: lambda g, a: g.div(g.sin(a), g.cos(a)),
-        np.sinh: Graph.sinh,
-        np.cosh: Graph.cosh,
-        np.tanh: Graph.tanh,
-        np.arctan: Graph.arctan,
-        np.hypot: lambda g, a, b: g.power(g.add(g.square(a), g.square(b)), _half(g)),
-        np.abs: kinks.absolute,
-        np.fabs: kinks.absolute,
-        np.sign: kinks.sign,
-        np.heaviside: kinks.heaviside,
-        np.maximum: kinks.maximum,
-        np.minimum: kinks.minimum,
-        np.fmax: kinks.maximum,
-        np.fmin: kinks.minimum,
-        np.greater: lambda g, a, b: kinks.greater(g, a, b, ">"),
-        np.greater_equal: lambda g, a, b: kinks.greater(g, a, b, ">="),
-        np.less: lambda g, a, b: kinks.greater(g, b, a, "<"),
-        np.less_equal: lambda g, a, b: kinks.greater(g, b, a, "<="),
-        np.logical_and: _and,
-        np.logical_or: _or,
-        np.logical_not: _not,
-        np.bitwise_and: _and,
-        np.bitwise_or: _or,
-        np.invert: _not,
-    }.items()
-} | {np.matmul: lambda g, a, b: _product(a, b)}
-FUNCTIONS = {
-    np.sum: _sum,
-    np.dot: _product,
-    np.linalg.norm: _norm,
-    np.mean: _mean,
-    np.cumsum: _cumsum,
-    np.max: _fold(np.maximum),
-    np.min: _fold(np.minimum),
-    np.any: _fold(np.logical_or),
-    np.all: _fold(np.logical_and),
-    np.clip: _clip,
-    np.where: _where,
-    np.select: _select,
-    np.interp: _interp,
-    np.searchsorted: _searchsorted,
-    np.copy: lambda a, **_: a.copy(),
-    np.zeros_like: lambda a, **_: _filled(a, 0.0),
-    np.ones_like: lambda a, **_: _filled(a, 1.0),
-    np.full_like: lambda a, v, **_: _filled(a, float(v)),
-    np.diff: lambda a: a[1:] - a[:-1],
-    np.shape: lambda a: a.shape,
-    np.ndim: lambda a: a.ndim,
-    np.size: lambda a: a.size,
-    np.outer: lambda a, b: Traced(*_column(a, b)) * b,
-}
-ARRANGE = {
-    np.stack,
-    np.concatenate,
-    np.hstack,
-    np.vstack,
-    np.column_stack,
-    np.roll,
-    np.flip,
-    np.tile,
-    np.repeat,
-    np.take,
-    np.expand_dims,
-    np.squeeze,
-    np.broadcast_to,
-    np.transpose,
-    np.moveaxis,
-    np.swapaxes,
-    np.ravel,
-    np.reshape,
-    np.atleast_1d,
-    np.fliplr,
-    np.flipud,
-}
-
-
-def _column(a, b):
-    graph = a.graph if isinstance(a, Traced) else b.graph
-    return graph, nodes(graph, a)[:, None]
+    return elementwise(lambda graph, i: kinks.take(graph, table, i))(indices.graph, indices)
 
 
 class _Space:
@@ -442,50 +237,25 @@ class _Space:
     def take(a, indices, **kwargs):
         # numpy does not hand its function to the class of the indices
         if isinstance(indices, Traced):
-            return _take(a, indices, **kwargs)
+            return _take(a, indices)
         return np.take(a, indices, **kwargs)
 
 
 def _made(value, make):
-    found = _first(value)
+    found = find_traced(value)
     return make(value) if found is None else Traced(found.graph, nodes(found.graph, value))
 
 
-def _first(value):
+def find_traced(value) -> Traced | None:
+    """Return the first Traced among nested lists, or None."""
     if isinstance(value, Traced):
         return value
     if isinstance(value, (list, tuple)):
-        return next((f for v in value if (f := _first(v)) is not None), None)
+        return next((f for v in value if (f := find_traced(v)) is not None), None)
     return None
 
 
 SPACE = _Space()
-UNTRACEABLE = (
-    TypeError,
-    ValueError,
-    AttributeError,
-    IndexError,
-    NotImplementedError,
-    OverflowError,
-    ZeroDivisionError,
-)
-
-
-def describe_refusal(error: Exception) -> str:
-    """Say what of a case cannot be traced and what to write instead, with the line of its file."""
-    places = kinks.failing_places(error)
-    line = kinks.user_line(places)
-    text = str(error)
-    if not (places[-1].inner or line == str(places[-1])):
-        text = NO_NUMBER
-    if isinstance(error, IndexError) and "valid indices" in text:
-        text = "an index cannot be traced; write xp.take(table, j) for table[j]"
-    method = re.fullmatch("'Traced' object has no attribute '(.*)'", text)
-    if method:
-        text = f"the method {method[1]} of arrays cannot be traced; write the function of xp"
-    return f"{line}: {text}" if line else text
-
-
 def inputs(graph: Graph) -> tuple[Traced, Traced]:
     """Return time and state of a graph, as a factory's function takes them."""
     return Traced(graph, np.array(BASE + graph.n)), Traced(graph, BASE + np.arange(graph.n))
