@@ -81,10 +81,11 @@ def _run_event_driven(case: Case, say: Say) -> Trajectory | None:
         "verified": "every step proven to hide no event",
         "sampled": "not proven: some steps are only sampled for events",
     }
+    note = traj.stats.get("note", "")  # it says why it is in Python, and what is not proven
     words = (
-        loop.get(traj.stats.get("loop"), ""),
-        roots.get(traj.stats.get("roots"), ""),
-        traj.stats.get("note", ""),
+        "" if note else loop.get(traj.stats.get("loop"), ""),
+        "" if note and traj.stats["unproven"] else roots.get(traj.stats.get("roots"), ""),
+        note,
         "" if traj.status.ok else str(traj.status),
     )
     say(f"{case.key}: event_driven: {'; '.join(filter(None, words))}")
