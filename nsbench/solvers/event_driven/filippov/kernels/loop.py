@@ -143,9 +143,6 @@ def follow_modes(run, begun):
     p = settings.order
     x = motion.x
     mode = motion.mode
-    armed = motion.armed
-    V = work.V
-    G = work.G
     T = run.records.times[-1]
     t = run.floats[TIME]
     m = np.int64(-1)
@@ -155,8 +152,8 @@ def follow_modes(run, begun):
     certified_width = np.inf
     held = np.int64(-1)
     if begun == CHOOSE_START:
-        begin_kinks(programs, mode.size, t, x, V, G)
-        surface = surface_met(programs, t, x, mode, surface, V, G)
+        begin_kinks(programs, mode.size, t, x, work.V, work.G)
+        surface = surface_met(programs, t, x, mode, surface, work.V, work.G)
     while True:
         if m < 0:
             m = begin_arc(run, surface, held, t, begun)
@@ -171,7 +168,7 @@ def follow_modes(run, begun):
         counters[CARRY] = 1
         longest = min(settings.longest_step, T - t)
         code, h, fired, certified_width = take_step(
-            programs, m, p, settings.local_error, longest, t, x, armed, certified_width, work
+            programs, m, p, settings.local_error, longest, t, x, motion.armed, certified_width, work
         )
         if code == HARD or (steps_of_arc > STIFF_STEPS and T - t > STIFF_STEPS_AHEAD * h):
             counters[CODE] = HARD
@@ -182,7 +179,7 @@ def follow_modes(run, begun):
         finish_step(run, m, i, t, h, last)
         t = T if last else t + h
         if i >= 0:
-            project_onto_surface(programs, i, t, x, V, G)
+            project_onto_surface(programs, i, t, x, work.V, work.G)
         if last:
             counters[CODE] = END
             break
