@@ -18,6 +18,9 @@ from nsbench.solvers.event_driven.filippov.program import (
     UntraceableError,
     trace_programs,
 )
+from nsbench.solvers.event_driven.filippov.tracing.graph import Graph
+from nsbench.solvers.event_driven.filippov.tracing.refusals import describe_refusal
+from nsbench.solvers.event_driven.filippov.tracing.trace import SPACE, inputs, vector
 from nsbench.solvers.event_driven.interval_taylor import ORDER, Jet
 from nsbench.trajectory import Status
 
@@ -29,6 +32,13 @@ def trace_kinked_drift(case: Case) -> tuple[KinkedDrift | None, str]:
     """Trace the drift of a Complementarity case: its kinks, None if it has none or cannot be
     traced, and why it cannot."""
     drift = case.problem.drift
+    graph = Graph(case.n)
+    try:
+        vector(graph, drift(SPACE)(*inputs(graph)), case.n)
+    except Exception as e:  # user code, on arrays that it does not know
+        return None, describe_refusal(e)
+    if not graph.kinks:  # most drifts: no kernel is loaded for them
+        return None, ""
     problem = SimpleNamespace(
         field=lambda xp: (lambda f: lambda t, x, s: f(t, x))(drift(xp)),
         switch=lambda xp: lambda t, x: np.zeros(0),
@@ -37,7 +47,7 @@ def trace_kinked_drift(case: Case) -> tuple[KinkedDrift | None, str]:
         programs = trace_programs(problem, 0, float(case.t[0]), case.x0)
     except UntraceableError as e:
         return None, str(e)
-    return KinkedDrift(programs) if programs.places else None, ""
+    return KinkedDrift(programs), ""
 
 
 class KinkedDrift:
