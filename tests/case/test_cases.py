@@ -103,6 +103,7 @@ def kinds():
     return {(p.values[0], *sorted({*p.values[1]} - unseen)): p for p in reversed(SPECS)}.values()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name, params", kinds())
 def test_numpy_numba_and_jax_agree(name, params):
     from nsbench.compilation.factories import as_jax

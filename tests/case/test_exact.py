@@ -230,6 +230,7 @@ def solved():
 CASES = list(solved())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", CASES)
 def test_exact_solution_satisfies_its_own_equation(case):
     assert case.exact_events is not None, (

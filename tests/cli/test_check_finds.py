@@ -101,6 +101,7 @@ def test_a_right_method_is_fine(tmp_path, name):
     assert not violations and any("of order 1.0" in line for line in said), said
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", WRONG_METHODS)
 def test_a_wrong_method_is_found(tmp_path, name):
     old, new, sentence = WRONG_METHODS[name]
@@ -186,6 +187,7 @@ WRONG_CASES = {
 }  # fmt: skip
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", WRONG_CASES)
 def test_a_wrong_case_is_found(tmp_path, name):
     old, new, sentence = WRONG_CASES[name]
@@ -200,6 +202,7 @@ def test_a_right_case_is_fine_and_its_fast_path_is_named(tmp_path):
     assert any("event_driven: " in line and "proven" in line for line in said), said
 
 
+@pytest.mark.long
 def test_registered_names_are_checked_as_files_are(capsys):
     assert main(["check", "sliding"]) == 0
     assert "sliding: fine" in capsys.readouterr().out

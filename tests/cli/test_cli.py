@@ -19,6 +19,7 @@ def nsbench(*args, **kw):
     )
 
 
+@pytest.mark.long
 def test_a_run_ends_with_a_report_and_is_resumed(tmp_path):
     out = str(tmp_path / "r")
     first = nsbench("run", "tide", "-s", "pbd", "--h", "5e-2..1e-3", "-o", out, "-j", "1")
@@ -99,6 +100,7 @@ def test_completion_scripts_know_the_verbs_and_their_options(shell, capsys):
         assert checked.returncode == 0, checked.stderr
 
 
+@pytest.mark.long
 @pytest.mark.survives("ctrl-c")
 def test_interrupted_run_keeps_what_is_finished_and_goes_on(tmp_path):
     out = tmp_path / "r"
@@ -133,6 +135,7 @@ def test_interrupted_run_keeps_what_is_finished_and_goes_on(tmp_path):
     assert plan.returncode == 0 and "reuse" in plan.stdout
 
 
+@pytest.mark.long
 def test_a_case_and_a_solver_from_files_outside_the_package(tmp_path):
     case = tmp_path / "my_case.py"
     solver = tmp_path / "my_solver.py"

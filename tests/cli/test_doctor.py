@@ -97,6 +97,7 @@ def test_whatever_a_check_comes_across_is_a_fault_of_one_line(monkeypatch, capsy
     assert any("last" in line for line in lines) and lines[-1].startswith("1 fault(s)")
 
 
+@pytest.mark.long
 def test_a_damaged_kernel_of_this_package_is_found_and_mended(tmp_path):
     """In processes of their own: one stores it, one finds it damaged, one compiles it again."""
     env = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "k"), "XDG_CACHE_HOME": str(tmp_path)}

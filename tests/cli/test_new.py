@@ -10,6 +10,7 @@ from nsbench.cli.new import TEMPLATES
 KINDS = sorted(tuple(p.stem.split("_")) for p in TEMPLATES.glob("*.txt"))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("what, kind", KINDS)
 def test_what_is_written_passes_the_check(what, kind, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)

@@ -48,6 +48,7 @@ def rows():
         return list(csv.DictReader(file))
 
 
+@pytest.mark.long
 def test_plain_run_and_gate_do_what_the_file_says(folder, capsys):
     """Green, and red after a fault in the method."""
     assert main(["run", "-j", "1"]) == 0

@@ -7,6 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import nsbench
 from nsbench.compilation import numba_cache
 
@@ -27,6 +29,7 @@ CODE = (
 NOT_IN_KERNELS = ("compilation/numba_cache.py", "dynamics/contacts/constraint_set.py")
 
 
+@pytest.mark.long
 def test_an_edit_of_a_callee_compiles_its_callers_anew(tmp_path):
     """Of a kernel that it calls, and of a constant that is part of its code, each in a file of
     another folder."""

@@ -5,6 +5,8 @@ import multiprocessing as mp
 import sys
 import time
 
+import pytest
+
 from nsbench.compilation.compile_lock import lock_compilation
 
 KERNELS = """
@@ -75,6 +77,7 @@ def together(folder, locks):
     return out
 
 
+@pytest.mark.long
 def test_two_processes_compile_each_kernel_once(tmp_path, monkeypatch):
     (tmp_path / "kernels_of_two.py").write_text(KERNELS)
     (tmp_path / "locks").mkdir()

@@ -96,6 +96,7 @@ print(json.dumps([out, kind]))
 """
 
 
+@pytest.mark.long
 def test_another_process_finds_it(home):
     def run(cache):
         return json.loads(
@@ -115,6 +116,7 @@ def test_another_process_finds_it(home):
     assert without[0] == first[0] == second[0] and (first[1], second[1]) == ("CFunc", "Pointer")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "harm",
     [
@@ -213,6 +215,7 @@ def test_another_setting_of_numba_is_another_name(home, monkeypatch):
     assert cfunc_cache.name_of(signature, "what", f) != name
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.parametrize("fault", ["x[4]", "1.0 / (t - t)", "raised", "told"])
 def test_a_drift_that_raises_leaves_no_number_wherever_it_is_from(home, fault):

@@ -159,6 +159,7 @@ def spoil(file):
     file.write_bytes(file.read_bytes()[:-100])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "spec, harm", [("penalty", spoil), ("penalty[method=kvaerno3]", lambda file: file.unlink())]
 )
@@ -183,6 +184,7 @@ def test_another_process_neither_traces_nor_compiles(tmp_path, monkeypatch, spec
     assert third[2] and third[:2] == first[:2]
 
 
+@pytest.mark.long
 def test_what_another_cache_gave_is_not_kept(tmp_path, monkeypatch):
     """JAX's own cache, where the user has one, is used but not copied: a copy would lack its
     functions."""

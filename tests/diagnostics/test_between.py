@@ -41,6 +41,7 @@ def folds(plus, minus, samples=2, end=1.0, x0=(0.0, 0.0)):
     )
 
 
+@pytest.mark.long
 @pytest.mark.survives("repulsive")
 @pytest.mark.parametrize("by, samples", [("time", 2), ("state", 11)])
 @pytest.mark.parametrize("spec", METHODS)
@@ -57,6 +58,7 @@ def test_a_state_that_slides_into_a_two_fold_is_told(spec, by, samples):
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("spec", METHODS)
 @pytest.mark.parametrize(
     "first, second, samples", [(0.5, 0.503, 2), (0.5, 0.503, 11), (0.5, 2.0, 2)]
@@ -199,6 +201,7 @@ def test_rounding_of_fields_along_a_surface_leads_nowhere(spec):
         assert "more than one" not in str(solvers.solve(case, spec, h=0.01).status)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("spec, mirrored, samples, least", LATE)
 def test_a_slide_that_a_method_leaves_late_is_told(spec, mirrored, samples, least):
     """The field that leads back to the surface does so by `least` alone; the other turns away at

@@ -182,6 +182,7 @@ def test_a_corner_is_told_where_it_is_held_and_not_where_it_is_passed():
     ).status.ok
 
 
+@pytest.mark.long
 def test_a_narrow_peak_of_a_long_run_is_no_pole():
     case = _case(lambda xp, t, x: 1e-3 / ((t - 300.0) ** 2 + 1e-6), (0.0, 1000.0))
     assert solvers.solve(case, "euler", h=2e-3).status.ok

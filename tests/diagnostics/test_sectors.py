@@ -48,6 +48,7 @@ def twice(steep, unit=1.0, both=0.5):
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("unit", (1.0, 1e-8))
 def test_layers_of_different_thickness_around_one_surface_are_told(unit):
     """Both signs have the mean 0.4 at the sides of x = 0: y' = 0.8. In layers the second has 0.4 x
@@ -68,6 +69,7 @@ def test_layers_that_mix_as_the_surface_does_are_not(steep, both):
     assert run.status.ok and run.x[-1, 1] == pytest.approx(1.0 - 0.4 * both, rel=1e-3)
 
 
+@pytest.mark.long
 def test_more_surfaces_than_are_examined_in_a_corner_are_no_fault():
     """Lasso flow x' = -(M x - b) - 0.3 s, s in Sgn(x), in six coordinates: five come to rest at
     zero, where the field of a side depends on one sign alone."""

@@ -34,6 +34,7 @@ def test_a_surface_that_turns_repulsive(samples):
     assert solvers.solve(made(0.6).replace(unique=False), "event_driven", tol=1e-10).status.ok
 
 
+@pytest.mark.long
 @pytest.mark.survives("repulsive")
 @pytest.mark.parametrize("side", (1.0, -1.0))
 @pytest.mark.parametrize("samples", (3, 102))

@@ -98,6 +98,7 @@ def own_environment():
     os.environ.update(before)
 
 
+@pytest.mark.long
 def test_green_then_red_with_a_fault(repository):
     """The fault is in a file that the case reads: the case is the same file, its numbers are not."""
     assert act(repository)[0] == 0
@@ -106,6 +107,7 @@ def test_green_then_red_with_a_fault(repository):
     assert code == 1 and "regressed" in summary
 
 
+@pytest.mark.long
 def test_inputs_come_before_the_project_file(repository):
     shutil.copy(repository / "baseline.csv", repository / "other.csv")
     (repository / "baseline.csv").unlink()

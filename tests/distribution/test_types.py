@@ -9,6 +9,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 
 
+@pytest.mark.long
 def test_public_modules_pass_mypy():
     pytest.importorskip("mypy", reason="mypy checks the types: pip install 'nsbench[test]'")
     command = [sys.executable, "-m", "mypy"]

@@ -54,6 +54,7 @@ def runs_and_references(runs_here, monkeypatch):
     monkeypatch.setattr("nsbench.execute.suite.run_all", run_all_or_build)
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("default::UserWarning")
 @pytest.mark.parametrize("page", [p for p in PAGES if has_blocks(p)], ids=name)
 def test_blocks_of_the_page_run(page, capture, tmp_path, monkeypatch, runs_and_references):

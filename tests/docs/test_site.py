@@ -33,6 +33,7 @@ def site(tmp_path_factory):
     return folder / "html"
 
 
+@pytest.mark.long
 def test_pages_fetch_nothing(site):
     pages = [*site.rglob("*.html"), *site.rglob("*.css")]
     fetched = [m for p in pages for m in FETCHED.findall(p.read_text(encoding="utf-8"))]

@@ -50,6 +50,7 @@ def pids(address):
         return [*client.run(os.getpid).values()]
 
 
+@pytest.mark.long
 def test_rows_are_those_of_this_machine_though_a_worker_is_killed(address):
     steps = [0.05 / n for n in (1, 2, 3, 5, 8, 13, 21)]
     batches = [
@@ -71,6 +72,7 @@ def test_rows_are_those_of_this_machine_though_a_worker_is_killed(address):
     assert set(pids(address)) != set(before)
 
 
+@pytest.mark.long
 def test_hang_exit_and_exception_are_the_rows_they_are_here(address, tmp_path):
     file = tmp_path / "bad.py"
     file.write_text(SOLVER)
@@ -96,6 +98,7 @@ def test_hang_exit_and_exception_are_the_rows_they_are_here(address, tmp_path):
     ]
 
 
+@pytest.mark.long
 @pytest.mark.survives("death")
 def test_a_run_that_kills_its_workers_is_a_row_and_the_others_go_on(address, tmp_path):
     file = tmp_path / "bad.py"
@@ -134,6 +137,7 @@ def test_specifications_are_taken_as_they_are_needed_and_tasks_are_forgotten(add
         )  # and no process is left behind
 
 
+@pytest.mark.long
 def test_what_stops_a_study_stops_it_there_as_well(address, tmp_path):
     file = tmp_path / "bad.py"
     file.write_text(SOLVER)
@@ -355,6 +359,7 @@ def test_a_file_that_changes_there_while_it_is_used_is_told(address, plugin, tmp
     assert not read_journal(tmp_path / "r")
 
 
+@pytest.mark.long
 def test_without_an_address_that_answers_it_is_said_soon(tmp_path, capsys, monkeypatch):
     run = ["run", "tide", "-s", "pbd", "-o", str(tmp_path / "r"), "--dask"]
     assert main([*run, "tcp://127.0.0.1:9"]) == 5
@@ -367,6 +372,7 @@ def test_without_an_address_that_answers_it_is_said_soon(tmp_path, capsys, monke
     assert "pip install 'nsbench[dask]'" in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_a_cluster_that_ends_is_told_and_what_it_gave_is_kept(tmp_path, capsys, monkeypatch):
     out = tmp_path / "r"
     first = Journal.append

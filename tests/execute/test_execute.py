@@ -40,6 +40,7 @@ class Wordless(Exception):
 )
 
 
+@pytest.mark.long
 @pytest.mark.survives("hang", "death", "memory")
 def test_hang_exit_and_exception_are_rows_and_the_others_go_on(tmp_path):
     file = tmp_path / "bad.py"
@@ -193,6 +194,7 @@ def test_specs_with_other_families_need_other_kernels():
     assert len(words) == 3
 
 
+@pytest.mark.long
 def test_chores_are_done_and_one_that_fails_or_dies_costs_nothing_else(tmp_path):
     file = tmp_path / "bad.py"
     file.write_text(SOLVER)
@@ -267,6 +269,7 @@ def test_a_kernel_compiled_within_a_run_stops_its_clock():
     assert exceeded_limit(Worker(None, None, phase="compile", since=10.0), 2.0, 15.0) is None
 
 
+@pytest.mark.long
 def test_a_player_shows_runs_of_the_study(tmp_path):
     """The runs are made again by a worker: their seconds are in the rows."""
     out = tmp_path / "r"

@@ -78,6 +78,7 @@ def test_a_case_without_a_reference_has_a_reason_and_errors_that_are_not_known(t
     assert "not known" in "".join(format_overview(data))
 
 
+@pytest.mark.long
 def test_a_run_builds_what_is_missing_in_a_worker_and_keeps_it(tmp_path, monkeypatch, capsys):
     (tmp_path / "mine.py").write_text(DECAY)
     monkeypatch.chdir(tmp_path)

@@ -25,6 +25,7 @@ SOLVER = solver("""
 """)
 
 
+@pytest.mark.long
 @pytest.mark.survives("ctrl-c")
 @pytest.mark.parametrize(
     "signals",

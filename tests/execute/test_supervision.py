@@ -110,6 +110,7 @@ def rows_of(tmp_path, *hows, batches=1, jobs=1, timeout=30.0, memory_limit=4 << 
     return rows, outputs, times
 
 
+@pytest.mark.long
 @pytest.mark.survives("hang")
 def test_a_run_stuck_in_c_is_a_timeout_row_within_four_seconds_of_its_start(tmp_path):
     rows, _, times = rows_of(tmp_path, "sleep", "regex", "fine", jobs=2, timeout=2.0)
@@ -123,6 +124,7 @@ def test_a_run_stuck_in_c_is_a_timeout_row_within_four_seconds_of_its_start(tmp_
     assert rows["fine"]["status"] == rows["pbd"]["status"] == "ok"
 
 
+@pytest.mark.long
 @pytest.mark.survives("hang")
 def test_a_preparation_stuck_in_c_has_a_limit_of_its_own(tmp_path, monkeypatch):
     """Where a method prepares, and where it is asked what it refuses."""
@@ -142,6 +144,7 @@ def test_a_preparation_stuck_in_c_has_a_limit_of_its_own(tmp_path, monkeypatch):
     assert [rows[how]["status"] for how in (*hows[2:], "pbd")] == ["ok"] * 3
 
 
+@pytest.mark.long
 @pytest.mark.survives("death")
 @pytest.mark.skipif(os.name != "posix", reason="signals and descriptors of POSIX")
 def test_a_worker_that_dies_or_closes_everything_is_a_crashed_row(tmp_path):
@@ -169,6 +172,7 @@ def test_a_worker_that_dies_or_closes_everything_is_a_crashed_row(tmp_path):
         assert not os.path.exists(status) or "State:\tZ" in Path(status).read_text()
 
 
+@pytest.mark.long
 @pytest.mark.survives("memory")
 @pytest.mark.skipif(
     not memory.resident_memory(os.getpid()), reason="the system does not tell what a process holds"
@@ -186,6 +190,7 @@ def test_memory_that_is_not_to_be_had_is_an_oom_row(tmp_path):
     assert "its limit is 1.0 GiB" in rows["grow"]["why"] and "bad_alloc" in rows["alloc"]["why"]
 
 
+@pytest.mark.long
 @pytest.mark.survives("memory")
 @pytest.mark.skipif(
     not memory.resident_memory(os.getpid(), [os.getppid()]),

@@ -43,6 +43,7 @@ TIMES = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.survives("global state")
 def test_what_a_run_changes_is_put_back_before_the_next_one(tmp_path):
     file = tmp_path / "rude.py"

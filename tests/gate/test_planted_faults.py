@@ -25,6 +25,7 @@ def test_a_seed_draws_one_fault_of_each_kind_in_each_place(studies):
     assert all(name.startswith(place) for name, place in zip(faults, places, strict=True))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(5))
 def test_a_drawn_fault_is_python_and_changes_one_place(studies, seed):
     from drawn_faults import drawn

@@ -4,6 +4,8 @@ compare it."""
 import functools
 from pathlib import Path
 
+import pytest
+
 from nsbench.case import get_case
 from nsbench.gate import baseline
 from nsbench.gate.facts import digest
@@ -13,6 +15,7 @@ from nsbench.study.plan import plan_runs, suite_cases
 LINES = baseline.read(Path(__file__).resolve().parents[2] / "reports" / "baseline.csv")
 
 
+@pytest.mark.long
 def test_it_has_the_runs_of_the_standard_suite_under_their_present_configuration():
     asked: dict[tuple, list[float]] = {}
     for spec in plan_runs([(key, "") for key in suite_cases("standard")], None):

@@ -52,6 +52,7 @@ def test_the_fronts_factor_the_dense_matrix_whatever_the_weights(n):
     assert K @ x == pytest.approx(b, abs=1e-8)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(10))
 def test_fronts_and_active_set_find_the_same_point(seed):
     rng = np.random.default_rng(seed)
@@ -76,6 +77,7 @@ def test_a_guess_changes_the_work_not_the_answer(seed):
             assert rounds < cold / 2
 
 
+@pytest.mark.long
 def test_twenty_packings_keep_the_residual():
     for seed in range(20):
         rng = np.random.default_rng(200 + seed)

@@ -38,6 +38,7 @@ def test_a_clean_power_law_is_read_to_six_digits(p):
     assert fit.window == (h.min(), h.max()) or p == 5  # h^5 meets the rounding floor
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("p", [0.5, 1, 2])
 def test_the_interval_covers_the_order_in_95_of_100(p):
     fits = trials(noisy(lambda h: h**p, 0.1), 200 if p == 1 else 100)
@@ -60,6 +61,7 @@ def phase(kind, p=1.0):
     return make
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["jump", "sine", "swell"])
 def test_errors_that_depend_on_the_phase_of_the_step_have_an_order_and_no_plateau(kind):
     fits = trials(phase(kind), 60, h=FINE)
@@ -75,6 +77,7 @@ def test_errors_that_depend_on_the_phase_of_the_step_have_an_order_and_no_platea
     assert np.mean([abs(f.envelope - 1.0) < 0.12 for f in fits]) > 0.9
 
 
+@pytest.mark.long
 def test_a_plateau_is_falsely_seen_in_at_most_2_of_100():
     makes = [
         noisy(lambda h: h, 0.2),

@@ -20,6 +20,7 @@ def counts():
     return study(N, SEED)[0]
 
 
+@pytest.mark.long
 def test_intervals_hold_the_order_in_93_to_97_of_100_where_the_model_holds(counts):
     c = totals(counts)["of them fair"]
     assert c.orders > 0.6 * c.n

@@ -77,6 +77,7 @@ def test_the_distance_to_all_curves_with_bounded_slopes_is_found_by_linear_progr
         assert two_surfaces.distance(t, x) == pytest.approx(found.fun, abs=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.survives("repulsive")
 @pytest.mark.parametrize("name, bound", [("repulsive", 1e-12), (GENERIC, 3e-3)])
 @pytest.mark.parametrize("spec", ["euler", "euler[implicit=true]"])

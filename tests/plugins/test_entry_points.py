@@ -70,6 +70,7 @@ def forget():
     registry._plugin_module.cache_clear()
 
 
+@pytest.mark.long
 def test_a_case_and_a_method_of_a_package_run_by_name(installed, tmp_path, monkeypatch):
     """By workers, which find them too."""
     monkeypatch.chdir(tmp_path)

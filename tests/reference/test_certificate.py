@@ -171,6 +171,7 @@ def test_kinks_of_the_drift_end_steps():
     )
 
 
+@pytest.mark.long
 def test_every_family_and_the_namespace():
     """A smooth wall, a moving one, an anchored disc and complex arithmetic in the drift, against
     event_driven."""
@@ -236,6 +237,7 @@ def test_two_surfaces_slide_together():
     assert np.abs(made.reference.impulse[-1] - 0.5 * (1.0 + s * grown)).max() < 1e-15
 
 
+@pytest.mark.long
 def test_building_prefers_the_proof_and_says_why_not(tmp_path):
     case = get_case("slide_exit")
     ref = reference.build(case, tmp_path)

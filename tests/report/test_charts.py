@@ -24,6 +24,7 @@ def points(spec):
     return spec["datasets"]["points"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", CHARTS)
 def test_a_chart_has_the_same_bytes_twice_as_svg_pdf_and_json(name, tmp_path):
     for suffix in files.FORMATS:

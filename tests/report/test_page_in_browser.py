@@ -49,6 +49,7 @@ def ranking(page):
     return page.inner_text("#t-answer tbody")
 
 
+@pytest.mark.long
 def test_nothing_is_fetched_and_nothing_is_said(page, file):
     cases = page.evaluate("nsbench.data.cases.map((one) => one.id)")
     for element in ("explore-chart", "scatter-chart", "orders-chart", *cases):

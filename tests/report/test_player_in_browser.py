@@ -95,6 +95,7 @@ def chosen(page):
     )
 
 
+@pytest.mark.long
 def test_players_say_nothing_and_fetch_nothing(page, file):
     for element in ("discs_n_10", "obstacle", "tide"):
         show(page, f'[id="{element}"] .player')

@@ -35,6 +35,7 @@ def words(svg):
     ]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ALL)
 def test_every_case_is_drawn_the_same_each_time(name):
     case = nsbench.get_case(name)

@@ -53,6 +53,7 @@ def edited(out, edit):
     return thread
 
 
+@pytest.mark.long
 @pytest.mark.survives("stale")
 @pytest.mark.parametrize("put_back", ["after", "during"])
 def test_a_file_that_is_edited_while_runs_are_made_leaves_no_row_that_is_served(
@@ -99,6 +100,7 @@ def test_a_file_that_is_edited_while_runs_are_made_leaves_no_row_that_is_served(
     assert run(file, out, "--plan") == 0 and "0 to run, 1 known" in capsys.readouterr().out
 
 
+@pytest.mark.long
 @pytest.mark.survives("stale")
 @pytest.mark.parametrize(
     "text",

@@ -55,6 +55,7 @@ def rows(folder):
         return list(csv.DictReader(file))
 
 
+@pytest.mark.long
 @pytest.mark.survives("stale")
 def test_a_module_at_a_computed_place_counts_though_its_byte_code_is_cached(tmp_path, run):
     helper = tmp_path / "lib" / "helper.py"
@@ -71,6 +72,7 @@ def test_a_module_at_a_computed_place_counts_though_its_byte_code_is_cached(tmp_
         assert "1 to run, 0 known" in said and "helper.py" in said
 
 
+@pytest.mark.long
 @pytest.mark.survives("stale")
 @pytest.mark.parametrize("when", ["load", "run"])
 def test_a_variable_that_a_file_looks_up_is_an_input(tmp_path, when, run):
@@ -110,6 +112,7 @@ def test_a_row_of_another_run_is_neither_reused_nor_recorded(tmp_path):
         assert row_mismatch(specs[0], row | {name: None})
 
 
+@pytest.mark.long
 @pytest.mark.survives("stale")
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
 def test_a_row_of_one_case_is_never_stored_for_another(tmp_path, run):

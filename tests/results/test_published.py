@@ -44,6 +44,7 @@ def judged(folder):
     return main(["gate", str(folder), "--baseline", str(folder / "b.csv")])
 
 
+@pytest.mark.long
 @pytest.mark.survives("spoilt results")
 @pytest.mark.parametrize(
     "name", ["runs.parquet", "runs.csv", "cases.json", "solvers.json", "extra.json", "env.json"]
@@ -73,6 +74,7 @@ def test_nothing_is_written_again_when_nothing_changed(results):
     } == before and judged(results) == 0
 
 
+@pytest.mark.long
 @pytest.mark.survives("older tables")
 @pytest.mark.parametrize("rows", [0, 1])
 @pytest.mark.parametrize(

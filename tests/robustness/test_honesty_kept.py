@@ -20,6 +20,7 @@ def methods(path):
     return module.BY
 
 
+@pytest.mark.long
 @pytest.mark.survives("silent wrong")
 @pytest.mark.parametrize("path", FILES, ids=lambda p: p.stem)
 def test_what_was_found_stays_mended(path):

@@ -49,6 +49,7 @@ def held(text, family, specs):
         )
 
 
+@pytest.mark.long
 @pytest.mark.survives("silent wrong")
 @settings(
     max_examples=6,
@@ -99,6 +100,7 @@ LIES = {  # what a solver may tell of a true trajectory, and the word for it
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("lie", LIES)
 @pytest.mark.parametrize("spec", ["event_driven", "pbd"])
 def test_a_lie_is_seen(lie, spec, monkeypatch):
@@ -173,6 +175,7 @@ def test_jumps_of_a_drift_in_time_are_told_from_what_is_steep(drift, size):
     assert abs(ladder.jumps(case, answer) - size) < 1e-9
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("off, word", [(0.5, "fine"), (10.0, "wrong")])
 def test_a_jump_excuses_its_part_of_a_step_alone(off, word, monkeypatch):
     case = wall(problem=nsbench.Complementarity(jumps, wall().problem.constraints))
@@ -195,6 +198,7 @@ def test_the_second_integrator_is_judged_where_the_first_is_known_not_to_end():
     assert judge.Scene(wall(), 0, answered=False).judge(spec).word == "own"
 
 
+@pytest.mark.long
 def test_samples_that_were_asked_for_are_not_run_again(monkeypatch):
     asked = []
     attempt = judge.attempt
@@ -229,6 +233,7 @@ def test_roundings_far_from_the_origin_grow_at_all_times():
     assert judge.Scene(case.replace(t=np.array([0.0, 3.0]))).growth >= 1.0  # no sample between
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("speed, word", [(1.0, "wrong"), (1e9, "open")])
 def test_steps_in_which_the_drift_leaps_over_a_particle_show_no_order(speed, word, monkeypatch):
     case = nsbench.get_case("two_discs").replace(exact=None, exact_impulse=None, exact_events=None)

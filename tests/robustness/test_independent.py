@@ -36,6 +36,7 @@ SYSTEMS = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", [name for group in SYSTEMS.values() for name in group])
 def test_a_second_derivation_agrees(name):
     traj = nsbench.solve(truths.case(name), "event_driven")

@@ -5,6 +5,7 @@ import pytest
 from studies.random_scenes import AGREE, KINDS, differ, scene, twice
 
 
+@pytest.mark.long
 @pytest.mark.survives("silent wrong")
 @pytest.mark.parametrize("kind", KINDS)
 def test_two_runs_agree_or_say_why_not(kind):

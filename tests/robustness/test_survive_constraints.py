@@ -200,6 +200,7 @@ def test_sets_that_have_a_point_are_not_called_empty():
         assert (contradiction(case, 0.0) is not None) == empty
 
 
+@pytest.mark.long
 @pytest.mark.survives("no gradient")
 @pytest.mark.parametrize("g", ["x**3", "1.0 * x * x * x * x * x"])
 def test_a_constraint_without_a_direction_is_degenerate_whatever_the_method(tmp_path, g):
@@ -221,6 +222,7 @@ def test_a_smooth_wall_with_a_gradient_is_not_degenerate():
         assert solve(case, spec).status.ok
 
 
+@pytest.mark.long
 @pytest.mark.survives("empty set")
 @pytest.mark.parametrize(
     "spec, closing, dim, fits",

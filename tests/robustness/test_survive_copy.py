@@ -45,6 +45,7 @@ def run(copy):
         yield lambda *args: command("run", "-j", "1", *args)
 
 
+@pytest.mark.long
 @pytest.mark.survives("broken plugin")
 def test_others_run_beside_plugins_that_do_not_load(copy, tmp_path, run):
     for name, text in BROKEN.items():
@@ -81,6 +82,7 @@ def cut(data):
     return data[: len(data) // 2]
 
 
+@pytest.mark.long
 @pytest.mark.survives("spoilt reference", "foreign reference")
 @pytest.mark.parametrize(
     "name, change, said",

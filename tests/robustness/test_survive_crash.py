@@ -60,6 +60,7 @@ def test_two_interrupts_tear_nothing(tmp_path):
     assert stopped(tmp_path, signal.SIGINT, signal.SIGINT) == 130 and len(whole(tmp_path)) >= 2
 
 
+@pytest.mark.long
 @pytest.mark.survives("kill")
 def test_a_suite_that_is_killed_goes_on_and_ends_with_the_same_numbers(tmp_path):
     """The study of fifty kills is tests/studies/kills.py."""

@@ -145,6 +145,7 @@ def test_explicit_steps_beyond_the_limit_of_stability_diverge(tmp_path):
     assert solve(free, "euler", h=0.01).status.code == "diverged"
 
 
+@pytest.mark.long
 @pytest.mark.survives("stiff and explicit")
 @pytest.mark.parametrize("rate", [210.0, 250.0, 400.0, 900.0])
 def test_what_overshoots_is_not_ok_because_the_end_comes_before_infinity(tmp_path, rate):

@@ -10,6 +10,7 @@ from nsbench import load_case
 LATE = "xp.where(t > 0.5499, {}, -0.1) * xp.ones_like(x)"
 
 
+@pytest.mark.long
 @pytest.mark.survives("nan at the start")
 @pytest.mark.parametrize(
     "problem",
@@ -34,6 +35,7 @@ def test_nan_on_the_way_is_a_row_with_the_time(tmp_path):
     assert all("t = 0.5" in r["why"] for r in found.values()), found
 
 
+@pytest.mark.long
 @pytest.mark.survives("infinite drift")
 @pytest.mark.parametrize("drift", ["xp.inf + 0 * x", LATE.format("-xp.inf"), LATE.format("xp.inf")])
 def test_an_infinite_drift_is_a_row(tmp_path, drift):
@@ -44,6 +46,7 @@ def test_an_infinite_drift_is_a_row(tmp_path, drift):
     )
 
 
+@pytest.mark.long
 @pytest.mark.survives("blow-up")
 @pytest.mark.parametrize("drift", ["x * x", "x**3"])
 def test_a_solution_that_leaves_every_bound_has_diverged(tmp_path, drift):

@@ -256,6 +256,7 @@ def test_nothing_that_reads_could_run_what_it_reads():
     )
 
 
+@pytest.mark.long
 @pytest.mark.survives("no pickle")
 def test_only_files_that_are_named_are_run(tmp_path, capsys):
     """Beside results, and in a folder that is not asked for, no Python file is looked at."""
@@ -272,6 +273,7 @@ def test_only_files_that_are_named_are_run(tmp_path, capsys):
     )
 
 
+@pytest.mark.long
 @pytest.mark.survives("million rows")
 def test_a_million_rows_make_a_report(tmp_path):
     """The table is written, read and told; memory and time grow like the rows, the page does
@@ -337,6 +339,7 @@ def test_a_folder_that_cannot_be_written_to_is_an_error_before_anything_runs(tmp
     assert places
 
 
+@pytest.mark.long
 @pytest.mark.survives("output is a file")
 def test_an_output_that_is_a_link(tmp_path, capsys):
     """To nowhere: an error; to a folder: the folder."""

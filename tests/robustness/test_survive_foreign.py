@@ -92,6 +92,7 @@ def spoil(folder, name, damage):
     return path
 
 
+@pytest.mark.long
 @no_fifo
 @pytest.mark.survives("no plain file")
 @pytest.mark.parametrize("damage", [to_fifo, to_device, to_outside, to_nowhere, to_folder])

@@ -56,6 +56,7 @@ SUITES = {{"smoke": [{{}}]}}
 """
 
 
+@pytest.mark.long
 @pytest.mark.survives("broken plugin")
 def test_plugins_that_do_not_load_are_listed_with_the_reason_and_the_others_work(
     plugins, tmp_path, capsys
@@ -161,6 +162,7 @@ def test_a_registered_case_is_named_like_its_file(plugins, capsys):
     assert "'tide'" in said and "zz_other.py" in said
 
 
+@pytest.mark.long
 @pytest.mark.survives("not picklable")
 def test_what_cannot_be_pickled_runs_because_it_travels_by_name(tmp_path):
     """A lock and closures in a case and in a solver; two workers, spawned."""

@@ -59,6 +59,7 @@ def numbers(folder, jobs, standard):
     }
 
 
+@pytest.mark.long
 @pytest.mark.survives("same bytes")
 def test_one_worker_and_two_give_the_same_numbers(tmp_path, standard):
     one, two = (numbers(tmp_path / name, jobs, standard) for name, jobs in (("one", 1), ("two", 2)))
@@ -67,6 +68,7 @@ def test_one_worker_and_two_give_the_same_numbers(tmp_path, standard):
     assert made == {repr(s) for s in standard}
 
 
+@pytest.mark.long
 @pytest.mark.survives("zeno")
 def test_a_scene_whose_events_accumulate_is_a_row_and_the_others_go_on(tmp_path, capsys):
     """x' = B sgn(x), a spiral that shrinks by a third in every turn; from (1, 0.3) it reaches the

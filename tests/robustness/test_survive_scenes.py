@@ -24,6 +24,7 @@ def test_coordinates_of_1e8_cost_only_their_rounding(tmp_path):
         assert np.abs(b.impulse - a.impulse).max() < 1e-5
 
 
+@pytest.mark.long
 @pytest.mark.survives("few particles")
 @pytest.mark.parametrize("n", [1, 2])
 def test_one_particle_is_free_and_two_meet(tmp_path, n):

@@ -78,6 +78,7 @@ if locale.localeconv()["decimal_point"] != ",":
 """
 
 
+@pytest.mark.long
 @pytest.mark.survives("locale")
 def test_decimal_commas_change_no_number(tmp_path, comma):
     """In a process that has set the locale: the case file does it."""
@@ -91,6 +92,7 @@ def test_decimal_commas_change_no_number(tmp_path, comma):
     assert numbers(tmp_path / "comma") == numbers(tmp_path / "plain") != []
 
 
+@pytest.mark.long
 @pytest.mark.survives("locale", "terminal")
 @pytest.mark.parametrize(
     "env",

@@ -291,6 +291,7 @@ def test_nosnoc_says_how_to_get_it(monkeypatch):
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "spec, key, bound",
     [

@@ -14,6 +14,7 @@ STEPS = 0.05 / np.array(
 STANDARD = solvers.standard()
 
 
+@pytest.mark.long
 @pytest.mark.survives("silent wrong")
 @pytest.mark.parametrize("spec", STANDARD)
 def test_reaches_the_order_it_claims(spec):

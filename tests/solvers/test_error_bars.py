@@ -21,6 +21,7 @@ def error_of(case, traj):
     return np.linalg.norm(traj.x - reference(case).x, axis=1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", ["pbd", "pbd[order=reverse]", "catching_up"])
 @pytest.mark.parametrize("name", FLAT)
 def test_a_bound_is_above_the_error_at_every_sample(name, method):

@@ -17,6 +17,7 @@ CASES = ("slide_exit", "three_discs", "rlc_diode", "crossing")
 OF_EACH = [(c, m) for c in CASES for m in EXACT if get(m).refuses(get_case(c)) is None]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name, spec", OF_EACH)
 def test_units_that_are_powers_of_two_change_no_bit(name, spec):
     case = get_case(name)
@@ -127,6 +128,7 @@ def test_what_happens_early_does_not_depend_on_the_end(end):
     np.testing.assert_allclose([e.t for e in run.events], early, atol=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("a, b", ((1.0, 1e-6), (1e8, 1e-6), (1e6, 1.0)))
 def test_coordinates_of_different_size_are_as_accurate_each(a, b):
     """Two relays beside each other, one in volts and one in coulombs."""

@@ -42,6 +42,7 @@ def arrays(traj):
     return [v for v in flat if isinstance(v, np.ndarray) and v.size]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case, spec", PAIRS)
 def test_a_second_call_has_the_bytes_of_the_first_and_leaves_it_alone(case, spec, prepared):
     case = nsbench.get_case(case)

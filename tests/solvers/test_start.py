@@ -146,6 +146,7 @@ def test_an_overlap_is_held_against_the_particles(d, at):
     ).max() <= 1.01e-10 * d + np.spacing(at)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("radius", [1e-5, 1.0, 1e4])
 @pytest.mark.parametrize("far", [0.0, 1e9])
 def test_a_smooth_constraint_is_held_against_what_it_sees(radius, far):
@@ -162,6 +163,7 @@ def test_a_smooth_constraint_is_held_against_what_it_sees(radius, far):
     assert x[:2] == pytest.approx([0.8 * radius, 0.6 * radius], rel=1e-7)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("radius", [1e2, 1e4, 1e6])
 def test_a_projection_ends_at_the_rounding_of_its_constraints(radius):
     """On circles from within, on links of the same length that are held far away: the gaps round,
@@ -202,6 +204,7 @@ def test_a_start_printed_with_ten_digits_is_a_start():
             assert scene.max_violation(0.0, found) <= 1e-14 * np.abs(x0).max() + 1e-13
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("policy", ("error", "project"))
 def test_no_method_makes_a_push_of_the_digits_that_a_start_was_not_printed_with(policy):
     """A particle that rests on a wall at 1000 1/3, from 1000.333333, under a force: impulses of PBD

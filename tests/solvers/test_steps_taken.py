@@ -24,6 +24,7 @@ def test_a_row_holds_the_step_that_divides_the_spacing():
         assert r["asked"] > r["h"] and abs(spacing / r["h"] - np.ceil(spacing / r["asked"])) < 1e-9
 
 
+@pytest.mark.long
 @pytest.mark.survives("end between steps")
 def test_the_order_in_the_steps_taken_is_sharper_than_in_those_asked():
     study, taken = fits()

@@ -96,6 +96,7 @@ def test_a_reference_of_the_same_method_hides_its_own_error(monkeypatch):
     assert pbd["true"] <= pbd["self"] + found["own_error"]
 
 
+@pytest.mark.long
 def test_the_study_in_a_tiny_form(monkeypatch):
     monkeypatch.setattr(study, "DISCS", (("3",), ()))
     monkeypatch.setattr(study, "OTHERS", ((), ()))

@@ -19,6 +19,7 @@ def wall():
     return open_fan(nsbench.get_case("wedge", psi=60.0, swell=0.5), "pbd", 0.95, 6)
 
 
+@pytest.mark.long
 def test_parts_add_up_to_the_error_against_the_closed_form(corner, wall):
     assert corner.mismatch < 1e-6 and wall.mismatch < 1e-6
     assert np.abs(wall.error).max() > 1e-3

@@ -81,6 +81,7 @@ def test_a_bound_below_an_error_is_a_contradiction(monkeypatch):
         study.conduct(Effort(False, PartJournal(None), lambda line: None))
 
 
+@pytest.mark.long
 def test_the_study_in_a_tiny_form(monkeypatch):
     monkeypatch.setattr(study, "COLUMNS", ((3, 5, 7), ()))
     monkeypatch.setattr(study, "EVENT_CASES", ("rods_wall[n=3]",))

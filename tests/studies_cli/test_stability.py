@@ -11,6 +11,7 @@ from nsbench.studies.stability.maps import DIVISORS, OWN, Map, fill_row, methods
 from nsbench.studies.plateau.scenes import find_scene
 
 
+@pytest.mark.long
 def test_a_stiff_drift_gives_named_failures_and_implicit_steps_give_numbers():
     cells = fill_row("stiff_contact[K=1000]", ["pbd", "theta", "event_driven"])
     by_method = {m: [c for c in cells if c["method"] == m] for m in ("pbd", "theta")}
@@ -47,6 +48,7 @@ def test_jitter_is_taken_from_single_steps():
     assert row["jitter"] * JITTER_STEPS < row["sunk"]
 
 
+@pytest.mark.long
 def test_the_study_in_a_tiny_form(monkeypatch):
     tiny = Map("stiffness", "stiffness K", "stiff_contact[K={:g}]", (10, 1e4), (10,))
     monkeypatch.setattr(study, "MAPS", (tiny,))

@@ -90,6 +90,7 @@ def test_an_output_that_is_a_file_exits_2(tmp_path, capsys):
     assert "is a file" in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_lemma_writes_all_fields_and_the_same_numbers_again(tmp_path, small_lemma, monkeypatch):
     monkeypatch.setattr(lemma, "GEOMETRY_DISCS", (5,))
     for name in ("a", "b"):

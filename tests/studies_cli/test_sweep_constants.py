@@ -69,6 +69,7 @@ def test_rows_of_discs_have_the_constant_of_their_worst_order(graph, value):
     assert found.proven and found.value == pytest.approx(value, rel=TOLERANCE)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "graph",
     [chain(7), star(3, 2), flower(5), grow(7, 3), grow(6, 1, spread=2.0), grow(6, 0, dim=3)],

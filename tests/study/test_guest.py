@@ -62,6 +62,7 @@ def test_a_file_that_crashes_in_c_where_it_is_loaded_is_named_by_the_traceback(t
     )
 
 
+@pytest.mark.long
 @pytest.mark.survives("death")
 @pytest.mark.parametrize(
     "does, status",

@@ -145,6 +145,7 @@ def test_a_step_longer_than_the_run_is_as_long_as_the_run(tmp_path):
     )
 
 
+@pytest.mark.long
 @pytest.mark.survives("infeasible start", "another start", "another step")
 @pytest.mark.parametrize("start", ["feasible", "keep", "project"])
 def test_every_method_of_the_package_begins_where_its_case_starts(tmp_path, start):

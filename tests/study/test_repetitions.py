@@ -71,6 +71,7 @@ def last_rows(specs, **more):
     return [rows[s] for s in specs], [given[s] for s in specs]
 
 
+@pytest.mark.long
 @pytest.mark.survives("a repetition")
 @pytest.mark.parametrize(
     "how, status", [("raise", "error"), ("memory", "oom"), ("exit", "crashed"), ("hang", "timeout")]
@@ -84,6 +85,7 @@ def test_a_repetition_that_fails_is_a_row_and_the_others_are_timed(tmp_path, how
         assert "The last it printed: the second call" in rows[1]["why"]
 
 
+@pytest.mark.long
 @pytest.mark.survives("a repetition", "death")
 def test_a_death_costs_those_before_it_no_times_whether_or_not_it_had_a_row(tmp_path):
     rows, given = last_rows(specs_of(tmp_path, "pbd", "fine", "exit", "hang"))

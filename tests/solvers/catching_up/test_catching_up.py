@@ -64,6 +64,7 @@ def step_by_cvxpy(x, z, radius=1.0):
     return y.value, duals
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("spec", ACCURATE)
 @pytest.mark.parametrize("seed", range(4))
 def test_one_step_is_the_projection_cvxpy_finds(spec, seed):

@@ -127,6 +127,7 @@ def everything():
     )
 
 
+@pytest.mark.long
 def test_the_compiled_loop_is_the_loop_in_python_for_every_family():
     case = everything()
     own = nsbench.solve(case, "catching_up", h=0.01)

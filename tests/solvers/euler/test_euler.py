@@ -214,6 +214,7 @@ def test_a_state_that_is_held_is_not_rounding():
     assert solve(held, IMPLICIT, h=1e-5).status.ok
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("far", (0.0, 1e4, 1e8, -1e8))
 def test_implicit_takes_its_differences_in_the_length_of_a_switch_however_far(far):
     """x' = 1/4 - sign(sin 9 x), seen from far: a difference of 1e-8 of the coordinate would be ten

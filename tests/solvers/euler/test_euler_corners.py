@@ -51,6 +51,7 @@ def defect(t, traj):
 
 
 # 95 and 115: Newton's method misses the only solution from the weights of the last step
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [*range(30), 95, 115])
 def test_random_fields_in_eight_octants(seed):
     """Each step is solved; the motion need not be the only one (seed 23: from t = 0.73 both fields

@@ -101,6 +101,7 @@ def still(case):
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", [k for k in scenes.KINDS if k != "closing_box"])
 def test_random_scenes(kind, monkeypatch):
     monkeypatch.setattr(scenes, "waves", affine)
@@ -259,6 +260,7 @@ def _solved(C, V, count, n, v):
     return good, out, E.size
 
 
+@pytest.mark.long
 def test_skyline_solves_as_dense_matrices_do():
     rng = np.random.default_rng(5)
     for n, p in ((6, 1), (20, 9), (60, 40), (200, 120)):

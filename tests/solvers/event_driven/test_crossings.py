@@ -2,6 +2,7 @@
 its series."""
 
 import numpy as np
+import pytest
 
 from nsbench.solvers.event_driven.smooth.crossings import TOUCH, EventFunctions
 from nsbench.solvers.event_driven.smooth.pieces import single_piece
@@ -49,6 +50,7 @@ def functions(rng):
             yield roots, touch, min(begins[counts], default=np.inf)
 
 
+@pytest.mark.long
 def test_the_first_dip_that_is_deep_enough_is_the_event():
     rng = np.random.default_rng(3)
     seen = set()

@@ -21,6 +21,7 @@ def switched(rate, jump):
     return Case(name="jump", problem=problem, x0=np.array([0.5]), t=np.linspace(0.0, 1.0, 6))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("rate", (1.0, 300.0))
 def test_a_jump_of_an_input_is_found_wherever_it_lies(rate):
     missed = []

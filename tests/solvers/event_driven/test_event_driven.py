@@ -177,6 +177,7 @@ def test_sweeps_of_small_steps_tend_to_the_run():
     assert itself < 2e-3 and extrapolated < 0.02 * itself
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "K, spec, tol, bound",
     [

@@ -72,6 +72,7 @@ def test_bad_options_are_named():
             solve("tide", spec)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("at", [1.373, 2 / 3, 1.37, 2.1, 2.6])
 @pytest.mark.parametrize("tol", [1e-6, 1e-10])
 def test_what_is_held_is_let_go_where_the_drift_jumps(at, tol):

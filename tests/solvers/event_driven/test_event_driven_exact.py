@@ -255,6 +255,7 @@ def test_the_closed_form_satisfies_its_equation(name):
         assert g.min() > -1e-12 and lam.min() > -1e-5 and np.abs(g * lam).max() < 1e-5
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", SCENES)
 def test_the_run_meets_the_closed_form(name):
     k = SCENES[name]()

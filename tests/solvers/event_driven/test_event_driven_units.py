@@ -78,6 +78,7 @@ def test_a_gradient_that_vanishes_is_seen_in_any_unit(unit):
         assert solvers.solve(case, "event_driven", tol=tol).status.code == "degenerate"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("unit", (1e-4, 1e-8, 1e-10))
 @pytest.mark.parametrize(
     "spec, tol, miss", (("event_driven", 1e-12, 1e-13), ("event_driven[method=rk45]", 1e-9, 1e-6))
@@ -111,6 +112,7 @@ def test_sliding_weights_are_the_same_in_any_unit(unit, spec, tol, miss):
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("rate", (1e4, 1e6))
 @pytest.mark.parametrize(
     "spec, asked", (("event_driven", {"tol": 1e-8}), ("penalty[method=kvaerno5]", {"k": 1e3}))

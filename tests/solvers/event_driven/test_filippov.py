@@ -376,6 +376,7 @@ def test_budgets_of_events_and_steps():
     assert run(case, max_steps=5).status.code == "maxiter"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [0, 10, 26])
 def test_four_coupled_relays_agree_with_implicit_euler(seed):
     # c = x and a positive definite coupling: a maximal monotone problem, whose solution is unique

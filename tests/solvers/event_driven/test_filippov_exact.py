@@ -21,6 +21,7 @@ def order(events):
     return sorted(events, key=lambda e: (e[2], e[0]))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("make", [pytest.param(f, id=name) for name, f in (ONE | SEVERAL).items()])
 def test_the_closed_form_is_met(make):
     made = make()
@@ -65,6 +66,7 @@ SAME = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.survives("tangential")
 @pytest.mark.parametrize("name", SAME)
 def test_a_motion_along_a_surface_that_does_not_switch_has_no_events(name):

@@ -48,6 +48,7 @@ def random_case(seed):
     )
 
 
+@pytest.mark.long
 @pytest.mark.survives("silent wrong")
 @pytest.mark.parametrize("seed", range(10))
 def test_two_integrators_agree_on_random_systems(seed):

@@ -5,6 +5,7 @@ import pytest
 from studies.grazes import KINDS, judge, passage, pick
 
 
+@pytest.mark.long
 @pytest.mark.survives("graze")
 @pytest.mark.parametrize("first", range(0, 60, 20))
 def test_random_passages_are_found_with_their_times_and_ends(first):

@@ -41,6 +41,7 @@ def pieces(k=3, width=0.4):
     return rng, centre, radius, 0.5 * rng.normal(size=(2, k, ORDER)) * 0.2 ** np.arange(ORDER)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", CALLS)
 def test_every_taylor_coefficient_lies_in_its_enclosure(name):
     """Against another Taylor arithmetic, at random points of each piece."""

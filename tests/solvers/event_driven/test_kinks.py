@@ -28,6 +28,7 @@ KINDS = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "kind, spec, tol",
     [

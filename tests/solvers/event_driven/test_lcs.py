@@ -44,6 +44,7 @@ def test_catalogue_to_rounding(key, state):
     assert max(e["residual"], e["feasibility"], e["complementarity"]) < 1e-12 and e["sign"] > -1e-12
 
 
+@pytest.mark.long
 def test_other_integrators_agree():
     for key in ("rlc_diode", "relay_lcs"):
         case = get_case(key)
@@ -53,6 +54,7 @@ def test_other_integrators_agree():
         assert [(e.kind, e.contact) for e in a.events] == [(e.kind, e.contact) for e in b.events]
 
 
+@pytest.mark.long
 def test_impulses_of_a_stiff_mode_are_as_near_as_its_states():
     """lam = -1000 (x + q): an error of x that the mode forgets at once is a thousand times as much
     of lam."""
@@ -216,6 +218,7 @@ def passive(seed, n=3, m=2):
     return system(A, C.T, C, np.outer(d, d) * (seed % 2), x0, 4.0, 41, u=drive, q=level)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(8))
 def test_random_passive_circuits_against_small_steps(seed):
     """Two methods without common code; the trapezoid comes closer with the square of its step."""

@@ -42,6 +42,7 @@ def made(name):
     return Case("hostile", problem, np.array(x0, float), np.linspace(0.0, T, 41))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", CATALOGUE + MADE)
 def test_states_weights_and_events_are_those_of_the_host(name):
     case = get_case(name) if name in CATALOGUE else made(name)

@@ -111,6 +111,7 @@ def test_near_list_changes_no_bit(order, sweeps):
         )
 
 
+@pytest.mark.long
 def test_two_thousand_discs_in_a_box_bit_for_bit_with_few_contacts_each():
     for packing, start in ((0.8, "apart"), (0.8, "overlapping")):
         case = box_of_discs(2000, packing, start)

@@ -25,6 +25,7 @@ def same(case, h, options="", tolerance=1e-12):
     return a, b
 
 
+@pytest.mark.long
 def test_a_hundred_steps_of_a_full_box():
     case = get_case("discs", n=1000, box=True)
     case = case.replace(t=np.linspace(0.0, 1.0, 3))
@@ -32,12 +33,14 @@ def test_a_hundred_steps_of_a_full_box():
     assert b.stats["steps"] == 100 and len(b.contacts) > 1000 and b.stats["rebuilds"] > 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("options", ["sweeps=2,seed=7", "reach=0.01"])
 def test_options_are_those_of_the_compiled_loop(options):
     case = get_case("discs", n=30)
     same(case.replace(t=case.t[:5]), 1e-2, options, 1e-11)
 
 
+@pytest.mark.long
 def test_links_rows_and_families():
     """Discs of several sizes between a link and a slanted moving wall over two particles and a
     coordinate of its own."""

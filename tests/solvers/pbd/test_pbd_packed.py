@@ -57,6 +57,7 @@ def both(case, spec, h, monkeypatch):
         return packed, nsbench.solve(case, spec, h=h)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("kind", ["plane", "line", "space", "radii", "moving"])
 def test_same_bits_as_over_all_constraints(order, kind, monkeypatch):

@@ -40,6 +40,7 @@ def test_order_one_in_state_and_impulse():
     )  # y - y_k -> cos(t1) / k just after the impact
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "method, case",
     [

@@ -122,6 +122,7 @@ def test_reaction_and_impulse_belong_together():
     assert np.abs(traj.x - case.x0 + traj.t[:, None] - traj.reaction).max() < 1e-12
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("spec", ["penalty", "penalty[method=kvaerno5]"])
 def test_a_motion_in_a_small_unit_has_the_digits_of_one_in_a_large(spec):
     def case(unit):
@@ -193,6 +194,7 @@ def test_a_switch_that_comes_back_after_the_run_has_changed():
     assert nsbench.solve(case, "penalty", k=1e4).status.ok
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("offset, samples", [(0.0, 3), (1e8, 2), (1e8, 3), (1e8, 11)])
 @pytest.mark.parametrize("spec", ["penalty", "penalty[method=kvaerno5]"])
 def test_a_motion_far_away_that_grows_has_grown_from_the_errors_of_its_beginning(

@@ -62,6 +62,7 @@ def mixed():
     )
 
 
+@pytest.mark.long
 def test_several_families_and_listed_constraints():
     case = mixed()
     whole, near = (solve(case, f"penalty[pairs={p}]", k=200.0) for p in ("all", "near"))
@@ -79,6 +80,7 @@ def test_several_families_and_listed_constraints():
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", ["tsit5", "kvaerno3"])
 def test_a_right_hand_side_beyond_the_lists_is_refused(method):
     """Two discs meet head on, far from where they were listed: with lists for ever they would pass
