@@ -52,6 +52,7 @@ def test_the_ladder_of_steps_stays_affordable(name, params):
         assert finest.substeps.sum() <= 60000
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name, params", SPECS)
 def test_the_start_is_feasible_unless_the_case_says_otherwise(name, params):
     case = get_case(name, **params)

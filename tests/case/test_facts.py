@@ -29,6 +29,7 @@ def gaps(case, t, x, reach=0.5):
     return dict(zip(near.ids, scene.gaps(t, x, near), strict=True))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("psi", [10, 30, 60, 80, 100, 120, 150, 170])
 def test_a_wedge_is_left_violated_by_the_last_load_times_the_cosine_and_beyond_90_degrees_by_nothing(
     psi,
@@ -66,6 +67,7 @@ def test_rods_at_a_wall_bear_n_minus_i_plus_1_and_each_sweep_leaves_its_own_viol
     assert [g[0, i] for i in range(n)] == pytest.approx(-5e-4 * left, abs=1e-12)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "spec", ["pbd", "pbd[order=reverse]", "catching_up", "penalty", "event_driven"]
 )
@@ -88,6 +90,7 @@ def test_a_closed_wall_that_bears_nothing_is_no_failure(spec, psi):
     assert abs(acts.get(1, 0.0)) < 2e-2  # the penalty at its default still creeps along
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("spec", ["pbd", "catching_up"])
 def test_a_graze_has_order_one_half_in_the_supremum_and_one_in_the_mean(spec):
     case = nsbench.get_case("graze")
@@ -212,6 +215,7 @@ def test_a_chain_reaction_goes_as_far_as_the_order_of_the_sweep_follows_it():
     assert pushed > 0
 
 
+@pytest.mark.long
 def test_one_sweep_moves_and_leaves_no_more_than_a_constant_times_the_violation():
     """The two lemmas on P: |P y - y| <= C1 max violation, and what is left is at most C2 times it,
     whatever its size."""
@@ -237,6 +241,7 @@ def test_one_sweep_moves_and_leaves_no_more_than_a_constant_times_the_violation(
         )  # of many more points: 1.6 and 1.1
 
 
+@pytest.mark.long
 def test_an_overlapping_start_means_what_the_case_says():
     spec = {
         "pbd": {"h": 1e-2},

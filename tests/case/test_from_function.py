@@ -32,6 +32,7 @@ def forced_weight(t):
 CASE = dict(exact=forced_exact, exact_impulse=forced_weight, exact_events=[FIRST])
 
 
+@pytest.mark.long
 def test_a_sign_inside_the_function_slides():
     case = from_function(forced, lambda t, y: y[0], [0.5], T, **CASE)
     traj = solve(case, "event_driven")
@@ -49,6 +50,7 @@ def test_steps_of_euler_are_of_order_one():
         assert runs[1]["state_sup"] < 0.5 * runs[0]["state_sup"] < 0.02
 
 
+@pytest.mark.long
 def test_dry_friction_is_that_of_a_field_with_signs():
     def f(t, y):
         x, v = y
@@ -73,6 +75,7 @@ def test_dry_friction_is_that_of_a_field_with_signs():
     assert np.abs(plain.x - expected.x).max() < 1e-11
 
 
+@pytest.mark.long
 def test_a_curved_surface_and_a_surface_in_time_are_left_to_both_sides():
     """Slides on the circle r = 1, round which it turns, forced by a relay in time."""
 
@@ -133,6 +136,7 @@ def test_the_slow_path_is_said(f, surfaces, word):
         from_function(f, surfaces, [0.5], T)
 
 
+@pytest.mark.long
 def test_units_do_not_matter():
     scaled = lambda t, y: 1e-6 * forced(t / 1e3, y) / 1e3
     case = from_function(scaled, lambda t, y: y[0], [0.5e-6], 1e3 * T)

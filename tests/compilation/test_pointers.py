@@ -66,6 +66,7 @@ def home(tmp_path, monkeypatch):
     disk_cache.cache_folder.cache_clear()
 
 
+@pytest.mark.long
 def test_what_is_found_has_the_bits_of_what_was_compiled(home):
     drifts = [
         plain(2.0),

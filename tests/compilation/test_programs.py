@@ -137,6 +137,7 @@ def test_every_case_of_the_catalogue_has_one_and_no_two_share_it():
     assert len(seen) > 35
 
 
+@pytest.mark.long
 def test_a_case_made_again_is_no_other_case():
     a = get_case("discs", n=3)
     b = get_case("discs", n=3)

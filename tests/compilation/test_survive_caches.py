@@ -139,6 +139,7 @@ def stored(tmp_path):
     return tmp_path, lambda kind: sorted(cache.glob(f"*scaled*{kind}"))
 
 
+@pytest.mark.long
 @pytest.mark.survives("damaged cache")
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no FIFOs here")
 @pytest.mark.parametrize("kind", [".nbi", ".nbc"])

@@ -117,6 +117,7 @@ def test_runs_with_many_samples_and_without_surfaces_keep_nothing():
     assert solvers.solve("smooth", "euler", h=0.1).between is None
 
 
+@pytest.mark.long
 @pytest.mark.survives("repulsive")
 @pytest.mark.parametrize(
     "plus, minus, code",
@@ -167,6 +168,7 @@ def test_fields_beside_another_surface_that_is_slid_on_tell_nothing(spec):
     assert solvers.solve(case, spec, **METHODS[spec]).status.ok
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("samples", [2, 21])
 @pytest.mark.parametrize("spec", ["euler", "euler[implicit=true]", "penalty"])
 def test_a_slide_that_crosses_another_surface_beyond_which_both_fields_lead_away_is_told(
@@ -219,6 +221,7 @@ def test_a_slide_that_a_method_leaves_late_is_told(spec, mirrored, samples, leas
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("plus, jumps", [(-0.5, True), (-0.02, False), (-0.02, True)])
 @pytest.mark.parametrize("spec", ["euler", "penalty"])
 def test_a_slide_that_a_method_leaves_in_time_is_right(spec, jumps, plus):

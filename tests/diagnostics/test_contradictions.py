@@ -311,6 +311,7 @@ def test_two_roundings_of_one_wall_are_no_contradiction():
         assert solvers.solve(case, "pbd", h=0.01).status.ok
 
 
+@pytest.mark.long
 @pytest.mark.survives("empty set")
 def test_the_programs_of_a_run_are_counted(monkeypatch):
     """Walls without room ask for one at every sample, and still tell of the time at which they

@@ -62,6 +62,7 @@ def test_layers_of_different_thickness_around_one_surface_are_told(unit):
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("steep, both", ((1.0, 0.5), (3.0, 0.0)))
 def test_layers_that_mix_as_the_surface_does_are_not(steep, both):
     """Of one thickness; or of a switch on which nothing depends."""

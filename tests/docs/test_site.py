@@ -41,6 +41,7 @@ def test_pages_fetch_nothing(site):
     assert not [u for found in fetched for u in found if re.match(r"(?:https?:)?//", u)]
 
 
+@pytest.mark.long
 def test_formulas_are_written_when_the_pages_are_built(site):
     text = (site / "explanation" / "multipliers.html").read_text(encoding="utf-8")
     assert text.count("<math") > 5

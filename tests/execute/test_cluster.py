@@ -113,6 +113,7 @@ def test_a_run_that_kills_its_workers_is_a_row_and_the_others_go_on(address, tmp
     assert "lost every worker" in rows[specs[3]]["why"]
 
 
+@pytest.mark.long
 def test_specifications_are_taken_as_they_are_needed_and_tasks_are_forgotten(address, monkeypatch):
     monkeypatch.setattr(far, "MAX_TASK_SIZE", 20)
     taken = [0]
@@ -313,6 +314,7 @@ def sent(monkeypatch, tmp_path, change=lambda path, content: content):
     )
 
 
+@pytest.mark.long
 @pytest.mark.survives("stale")
 def test_modules_and_data_beside_a_file_travel_with_it(address, plugin, tmp_path, monkeypatch):
     with monkeypatch.context() as m:
@@ -321,6 +323,7 @@ def test_modules_and_data_beside_a_file_travel_with_it(address, plugin, tmp_path
     assert [r["mark"] for r in read_journal(tmp_path / "r").values()] == [11.0, 11.0]
 
 
+@pytest.mark.long
 @pytest.mark.survives("stale")
 @pytest.mark.parametrize("name", ["beside.py", "table.txt"])
 def test_a_row_of_other_files_than_the_client_has_is_refused(
@@ -333,6 +336,7 @@ def test_a_row_of_other_files_than_the_client_has_is_refused(
     assert not read_journal(tmp_path / "r")
 
 
+@pytest.mark.long
 @pytest.mark.survives("stale")
 def test_a_worker_with_another_library_or_package_on_its_disk_is_refused(
     address, plugin, tmp_path, monkeypatch, capsys
@@ -351,6 +355,7 @@ def test_a_worker_with_another_library_or_package_on_its_disk_is_refused(
     assert not read_journal(tmp_path / "r")
 
 
+@pytest.mark.long
 @pytest.mark.survives("stale")
 def test_a_file_that_changes_there_while_it_is_used_is_told(address, plugin, tmp_path, capsys):
     plugin.write_text(solver("os.utime(os.path.join(HOME, 'beside.py'))", before=BEFORE))

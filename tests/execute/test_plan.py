@@ -203,6 +203,7 @@ def test_what_is_not_known_is_taken_from_elsewhere_and_said_to_be():
     assert Forecast([]).cost(Spec("tide", "pbd", "h", float("nan"))).source == NOTHING
 
 
+@pytest.mark.long
 def test_small_runs_are_made_apart_and_stopped_in_time(tmp_path):
     file = tmp_path / "hang.py"
     file.write_text(HANG)

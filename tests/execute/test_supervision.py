@@ -202,6 +202,7 @@ def test_what_a_run_has_started_counts_and_what_they_share_counts_once(tmp_path)
     assert "The worker and what it has started held 1." in rows["child"]["why"]
 
 
+@pytest.mark.long
 @pytest.mark.survives("output of a run", "warnings")
 def test_what_a_run_prints_is_kept_with_it_and_bounded(tmp_path, capfd):
     rows, outputs, _ = rows_of(tmp_path, "fine", "print", "flood")
@@ -310,6 +311,7 @@ def test_the_limit_of_a_container_is_heeded(tmp_path, monkeypatch):
     assert memory.total_memory() == 1 << 29
 
 
+@pytest.mark.long
 @pytest.mark.survives("threads")
 @pytest.mark.parametrize("threads", [1, 2])
 def test_every_library_of_a_worker_has_the_threads_it_is_given(tmp_path, threads):

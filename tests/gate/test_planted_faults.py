@@ -14,6 +14,7 @@ def studies(monkeypatch):
     monkeypatch.syspath_prepend(str(ROOT / "tests" / "studies"))
 
 
+@pytest.mark.long
 def test_a_seed_draws_one_fault_of_each_kind_in_each_place(studies):
     from drawn_faults import PLACES, drawn
 

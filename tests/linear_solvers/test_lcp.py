@@ -35,6 +35,7 @@ problems = st.tuples(
 )
 
 
+@pytest.mark.long
 @settings(max_examples=300, deadline=None, derandomize=True, database=None)
 @given(problems)
 @example((2153, 12, 5, 5))  # an opposite row that is off by rounding is not a contradiction

@@ -35,6 +35,7 @@ def by_fronts(G, q, guess, tol=1e-12):
     return code, mu, d, active_set.residual(P, vals, q, mu, d), rounds
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("n", [1, 7, 60, 200])
 def test_the_fronts_factor_the_dense_matrix_whatever_the_weights(n):
     rng = np.random.default_rng(n)
@@ -65,6 +66,7 @@ def test_fronts_and_active_set_find_the_same_point(seed):
     assert active_set.residual(P, vals, q, exact, d0) < 1e-12
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(5))
 def test_a_guess_changes_the_work_not_the_answer(seed):
     rng = np.random.default_rng(100 + seed)

@@ -36,6 +36,7 @@ def run(P, T, vals, q, mu, most=10**6, limit=10**6, tol=1e-12):
     return done, factors, swaps, mu, d, active_set.residual(P, vals, q, mu, d)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(6))
 def test_any_start_ends_at_the_exact_displacement(seed):
     P, T, vals, q, exact, d0 = problem(seed, crystal=seed % 3 == 0)

@@ -64,6 +64,7 @@ def test_a_hand_written_method_of_order_one_shows_order_one_in_every_norm():
 CLOSED = [n for n in case_names() if get_case(n).exact_impulse is not None]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", CLOSED)
 def test_a_closed_form_has_neither_errors_nor_residuals(name):
     case = get_case(name)

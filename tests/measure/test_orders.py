@@ -106,6 +106,7 @@ def test_a_plateau_of_four_times_the_rest_is_seen_in_9_of_10(p):
     assert np.median([f.order for f in seen]) == pytest.approx(p, rel=0.1)
 
 
+@pytest.mark.long
 def test_an_order_is_not_claimed_while_a_plateau_fits_as_well():
     fits = trials(noisy(lambda h: 4 * H.min() + h, 0.2), 100)
     assert verdicts(fits)["order"] <= 5, verdicts(fits)
@@ -188,6 +189,7 @@ def test_errors_below_the_reference_are_said_to_be():
     assert fit.order == pytest.approx(2.0, abs=0.1) and fit.window[0] > 9e-3
 
 
+@pytest.mark.long
 def test_the_head_is_fitted_and_what_it_cannot_explain_is_dropped():
     for err in (
         H + 1000 * H**4,

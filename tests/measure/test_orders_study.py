@@ -30,6 +30,7 @@ def test_intervals_hold_the_order_in_93_to_97_of_100_where_the_model_holds(count
     )
 
 
+@pytest.mark.long
 def test_intervals_seldom_miss_the_order_where_it_does_not(counts):
     c = totals(counts)["all that converge"]
     assert c.covered >= binom.ppf(RARE, c.orders, 0.92), (c.covered, c.orders)

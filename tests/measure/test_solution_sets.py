@@ -89,6 +89,7 @@ def test_methods_that_pick_one_solution_are_near_the_set(name, bound, spec):
     assert np.isnan(e["state_sup"]) and np.isnan(e["impulse"]) and e["reference"] == "none"
 
 
+@pytest.mark.long
 def test_another_method_may_pick_another_velocity():
     case = get_case(GENERIC)
     chatter = solve(case, "euler", h=1e-3)

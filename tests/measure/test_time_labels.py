@@ -14,6 +14,7 @@ from nsbench.trajectory import Trajectory
 HALF = "theta[theta=0.5]"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("key", ["tide", "rlc_diode"])
 def test_the_trapezoid_has_order_two_at_its_own_label_and_one_at_the_others(key):
     rows = nsbench.run(key, HALF).rows

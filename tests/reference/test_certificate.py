@@ -272,6 +272,7 @@ def damaged(ref, name, size):
     return dataclasses.replace(ref, **{name: value})
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("certify_again", [False, True])
 def test_a_state_truncated_by_one_digit_in_1e8_is_noticed(tmp_path, certify_again):
     case = get_case("slide_exit")

@@ -27,6 +27,7 @@ def made(tmp_path_factory):
     return folder, cases, [reference.build(c, folder, PAIR, kind="runs") for c in cases]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "name", ["tide", "wedge[psi=120]", "two_discs[w=1]", "play", "chain", "dragged_disc"]
 )
@@ -49,6 +50,7 @@ def test_the_reaction_of_a_closed_form_is_its_impulse_times_gradients(name):
     assert np.all(ref.reaction[0] == 0.0)
 
 
+@pytest.mark.long
 def test_a_built_reference_is_right_within_its_own_bound(made):
     folder, cases, (tide, slide) = made
     assert np.abs(tide.x - TIDE.exact(TIDE.t)).max() <= tide.state_error < 1e-9

@@ -61,6 +61,7 @@ def test_nothing_is_fetched_and_nothing_is_said(page, file):
     assert [url for url in page.requests if not url.startswith("data:")] == [file]
 
 
+@pytest.mark.long
 def test_the_slider_changes_error_table_and_chart(page):
     label = page.inner_text("#answer-label")
     before = ranking(page)
@@ -97,6 +98,7 @@ def test_classes_and_words_select_cases(page):
     assert 0 < some < len(CASES)
 
 
+@pytest.mark.long
 def test_a_click_on_the_legend_picks_a_method(page):
     scroll_to(page, "explore-chart")
     page.wait_for_selector("#explore-chart[data-drawn=yes]")
@@ -124,6 +126,7 @@ def test_a_click_on_the_legend_picks_a_method(page):
     assert not before.get("method") and len(picked["method"]) == 1
 
 
+@pytest.mark.long
 def test_hovering_names_the_values_of_a_run(page):
     scroll_to(page, "explore-chart")
     page.wait_for_selector("#explore-chart[data-drawn=yes]")
@@ -148,6 +151,7 @@ def test_hovering_names_the_values_of_a_run(page):
     assert "error" in words and "seconds" in words and "method" in words
 
 
+@pytest.mark.long
 def test_arrow_keys_go_from_case_to_case(page):
     page.mouse.click(5, 400)
     page.keyboard.press("ArrowRight")
@@ -160,6 +164,7 @@ def test_arrow_keys_go_from_case_to_case(page):
     assert first and second and first != second and page.evaluate("location.hash") == first
 
 
+@pytest.mark.long
 def test_dark_mode_changes_page_and_charts(page):
     light = page.evaluate("getComputedStyle(document.body).backgroundColor")
     page.emulate_media(color_scheme="dark")

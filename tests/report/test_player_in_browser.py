@@ -105,6 +105,7 @@ def test_players_say_nothing_and_fetch_nothing(page, file):
     assert [url for url in page.requests if not url.startswith("data:")] == [file]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("element", ["discs_n_10", "obstacle", "tide"])
 def test_the_scrubber_changes_frame_time_and_multipliers(open_page, element):
     page = open_page()
@@ -128,6 +129,7 @@ def test_the_keyboard_moves_the_time_and_not_the_case(page):
     assert page.evaluate("scrollY") == top and page.evaluate("location.hash") == ""
 
 
+@pytest.mark.long
 def test_a_run_plays_until_it_is_paused(page):
     page.focus(f"{PLAYER} .play")
     assert page.inner_text(f"{PLAYER} .play") == "Play"
@@ -140,6 +142,7 @@ def test_a_run_plays_until_it_is_paused(page):
     assert page.inner_text(f"{PLAYER} output") == time
 
 
+@pytest.mark.long
 def test_a_player_is_made_when_it_is_seen_and_stops_out_of_sight(open_page):
     page = open_page()
     last = '[id="tide"] .player'
@@ -154,6 +157,7 @@ def test_a_player_is_made_when_it_is_seen_and_stops_out_of_sight(open_page):
     assert float(page.locator(f"{last} output").text_content().split()[-1]) < 1.5  # of 3
 
 
+@pytest.mark.long
 def test_two_methods_stand_beside_each_other_with_the_reference_as_a_ghost(page):
     scrub(page, 0.8)
     assert [words.split(",")[0] for words in chosen(page)] == list(METHODS)
@@ -204,6 +208,7 @@ def test_any_two_runs_can_be_chosen(page):
     assert pixels(page, 0) == pixels(page, 1) and len(set(chosen(page))) == 1
 
 
+@pytest.mark.long
 def test_dark_mode_draws_again(page):
     drawn = pixels(page)
     page.emulate_media(color_scheme="dark")
@@ -211,6 +216,7 @@ def test_dark_mode_draws_again(page):
     assert pixels(page) != drawn and page.said == []
 
 
+@pytest.mark.long
 def test_a_phone_has_the_views_below_each_other(open_page):
     page = open_page()
     page.set_viewport_size({"width": 390, "height": 844})

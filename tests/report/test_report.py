@@ -91,6 +91,7 @@ def page(folder):
     return (folder / "report.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.long
 def test_no_cell_is_empty_and_every_pair_is_there(page):
     cells = Reader(page).cells
     assert cells and all(c.strip() for c in cells)

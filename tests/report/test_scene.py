@@ -51,6 +51,7 @@ def test_every_case_is_drawn_the_same_each_time(name):
         assert "Created with" not in text and "dc:date" not in text
 
 
+@pytest.mark.long
 @pytest.mark.survives("terminal")
 def test_the_bytes_do_not_depend_on_the_process_and_no_display_is_needed():
     code = (

@@ -129,6 +129,7 @@ def test_data_that_a_run_reads_are_compared_before_its_row_is_served(tmp_path, c
     assert "FileNotFoundError" in rows(out)[0]["why"]
 
 
+@pytest.mark.long
 @pytest.mark.survives("stale")
 def test_data_that_change_while_the_run_goes_on_make_its_row_uncertain(tmp_path, capsys):
     file = tmp_path / "mine.py"
@@ -148,6 +149,7 @@ def test_data_that_change_while_the_run_goes_on_make_its_row_uncertain(tmp_path,
     assert "table.txt changed while runs were made" in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_what_a_run_writes_itself_is_no_data_of_it(tmp_path):
     file = tmp_path / "mine.py"
     out = tmp_path / "r"

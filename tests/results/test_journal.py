@@ -164,6 +164,7 @@ def test_what_a_kill_left_of_reports_and_figures_is_cleared_by_the_next_run(tmp_
     assert there == {*kept, "journal.jsonl"}
 
 
+@pytest.mark.long
 @pytest.mark.survives("disk full", "kill")
 def test_every_file_of_a_results_folder_is_written_beside_and_renamed(tmp_path, monkeypatch):
     """No file but the journal and the key's mark is ever opened for writing under the name that it
@@ -243,6 +244,7 @@ def test_a_folder_that_may_not_be_written_is_told_as_usage(tmp_path, monkeypatch
     assert "Permission denied" in capsys.readouterr().err
 
 
+@pytest.mark.long
 @pytest.mark.survives("disk full")
 @pytest.mark.skipif(os.name != "posix", reason="limits of POSIX")
 def test_a_run_that_meets_a_full_disk_ends_with_5_and_is_taken_up_again(tmp_path):

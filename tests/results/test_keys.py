@@ -210,6 +210,7 @@ def test_a_file_that_makes_up_what_it_imports_depends_on_its_whole_folder(copy):
         mine.write_text(MINE)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "mutation, missed",
     [

@@ -109,6 +109,7 @@ def test_tables_from_before_a_run_that_did_not_end_are_not_judged(
     )  # the ladder is another one
 
 
+@pytest.mark.long
 @pytest.mark.survives("older tables", "kill")
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
 def test_tables_from_before_a_run_that_was_killed_are_not_judged(results):

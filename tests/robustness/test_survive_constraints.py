@@ -104,6 +104,7 @@ def test_a_wall_that_stands_there_three_times_pushes_once(tmp_path):
     )
 
 
+@pytest.mark.long
 @pytest.mark.survives("dependent constraints")
 @pytest.mark.parametrize(
     "spec", [m for m in METHODS if m != "kdtree"]
@@ -141,6 +142,7 @@ BETWEEN = "Affine(np.array([[1.0], [-1.0]]), {}),"
 TRIANGLE = "Affine(np.array([[1.0, 0], [0, 1], [-1, -1]]), np.array([-1.0, -1.0, 1.0])),"
 
 
+@pytest.mark.long
 @pytest.mark.survives("empty set")
 @pytest.mark.parametrize(
     "constraints, x0, policy",

@@ -123,6 +123,7 @@ def test_a_spoilt_reference_is_an_error_that_names_it_though_there_is_a_closed_f
     )
 
 
+@pytest.mark.long
 @pytest.mark.survives("foreign reference")
 def test_a_case_that_was_edited_without_its_reference_is_an_error(copy, tmp_path, run):
     file = copy / "nsbench" / "cases" / "tide.py"

@@ -54,6 +54,7 @@ def stopped(out, *signals):
         p.wait()
 
 
+@pytest.mark.long
 @pytest.mark.survives("ctrl-c")
 def test_two_interrupts_tear_nothing(tmp_path):
     """Of 38 runs two have ended: the rest takes far longer than the signals."""

@@ -133,6 +133,7 @@ def test_a_penalty_that_is_too_stiff_is_a_row_with_the_reason():
     assert np.isnan(row["state_sup"])
 
 
+@pytest.mark.long
 @pytest.mark.survives("stiff and explicit")
 def test_explicit_steps_beyond_the_limit_of_stability_diverge(tmp_path):
     """x' = -1e4 (x - cos t): h k = 100."""

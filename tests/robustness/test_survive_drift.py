@@ -28,6 +28,7 @@ def test_nan_at_the_start_is_a_row(tmp_path, problem):
     assert len(found) >= 2 and {r["status"] for r in found.values()} == {"nan"}
 
 
+@pytest.mark.long
 @pytest.mark.survives("nan later")
 def test_nan_on_the_way_is_a_row_with_the_time(tmp_path):
     found = rows(case_file(tmp_path, LATE.format("xp.nan")))

@@ -116,6 +116,7 @@ def test_what_is_no_file_of_its_own_is_refused_by_name(folder, name, damage):
     assert not done.stderr
 
 
+@pytest.mark.long
 @no_fifo
 @pytest.mark.survives("no plain file")
 @pytest.mark.parametrize("damage", [to_fifo, to_device, to_outside, to_nowhere, to_folder])

@@ -92,6 +92,7 @@ def test_a_count_that_is_infinite_is_an_error(value):
     assert contract_violation(case, unknown) == ""
 
 
+@pytest.mark.long
 @pytest.mark.survives("closed list")
 def test_every_status_is_one_of_the_list():
     for code in STATUSES:
@@ -107,6 +108,7 @@ def test_every_status_is_one_of_the_list():
             )
 
 
+@pytest.mark.long
 @pytest.mark.survives("same bytes")
 @pytest.mark.parametrize("spec", METHODS)
 def test_a_run_repeated_gives_the_same_bytes(spec):

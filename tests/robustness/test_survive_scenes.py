@@ -10,6 +10,7 @@ from nsbench.solvers import solve
 DISCS = {"constraints": "Distance(2.0),", "drift": "xp.array([1.0, 0, -1, 0]) + 0 * x"}
 
 
+@pytest.mark.long
 @pytest.mark.survives("far away")
 def test_coordinates_of_1e8_cost_only_their_rounding(tmp_path):
     """Two discs that meet at t = 1, and the same 1e8 away: one ulp there is 1.5e-8, and the 200
@@ -36,12 +37,14 @@ def test_one_particle_is_free_and_two_meet(tmp_path, n):
     assert len(found) == 6 and {r["status"] for r in found.values()} == {"ok"}, found
 
 
+@pytest.mark.long
 @pytest.mark.survives("few particles")
 def test_an_empty_family_of_walls_does_nothing(tmp_path):
     found = rows(case_file(tmp_path, constraints="Affine(np.zeros((0, 1)), np.zeros(0)),"))
     assert len(found) >= 5 and {r["status"] for r in found.values()} == {"ok"}, found
 
 
+@pytest.mark.long
 @pytest.mark.survives("many impacts")
 def test_fifty_contacts_close_in_one_instant(tmp_path):
     """Between samples and on one: all of them at t = x0, to the same impulse."""
@@ -73,6 +76,7 @@ def test_a_contact_at_the_start_at_a_sample_or_at_the_end_is_met(tmp_path, x0, r
         assert traj.impulse.sum(axis=1)[-1] == pytest.approx(2.0 - rest, abs=max(bound, 1e-9)), spec
 
 
+@pytest.mark.long
 @pytest.mark.survives("two events in a step")
 @pytest.mark.parametrize("second", [0.502, 0.5010000001, 0.5])
 def test_two_contacts_within_one_step_are_both_met(tmp_path, second):

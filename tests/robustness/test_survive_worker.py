@@ -48,6 +48,7 @@ def rows(folder, *hows, jobs=1):
     return [found[s] for s in specs]
 
 
+@pytest.mark.long
 @pytest.mark.survives("global state", "threads", "warnings")
 def test_what_a_run_changes_the_next_one_does_not_see(tmp_path):
     before, _, after, warned, last, penalty, pbd = rows(
@@ -63,6 +64,7 @@ def test_what_a_run_changes_the_next_one_does_not_see(tmp_path):
     )  # by the place that warns
 
 
+@pytest.mark.long
 @pytest.mark.survives("threads")
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="threads are looked up in /proc")
 def test_each_of_several_workers_computes_with_one_thread(tmp_path):

@@ -44,6 +44,7 @@ def test_modes_are_written_by_hand_for_the_cases_that_rank_methods():
     }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("key", [k for k in FULL if k not in SLOW])
 def test_modes_written_by_hand_reach_their_bound_and_the_same_events(key):
     case = get_case(key)
@@ -148,6 +149,7 @@ def test_modes_are_refused_for_any_other_problem(case, word):
 STEPS = np.array([8, 11, 17, 26, 41, 67])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("spec", ["kdtree", "kdtree[margin=0.2]", "kdtree[sweep=numpy]"])
 @pytest.mark.parametrize(
     "key", ["two_discs", "three_discs", "discs[n=10,seed=0]", "box_turning[side=0.8]"]
@@ -317,6 +319,7 @@ def test_nosnoc_is_as_accurate_as_its_order_and_tolerance_allow(spec, key, bound
     assert e["residual"] < 1e-6
 
 
+@pytest.mark.long
 def test_nosnoc_has_the_order_of_its_radau_method():
     needs_nosnoc()
     case = get_case("oscillator")

@@ -78,6 +78,7 @@ def test_trajectory_keeps_the_contract(spec):
         assert a.stats["loop"] in ("compiled", "host")
 
 
+@pytest.mark.long
 @pytest.mark.survives("nan later")
 @pytest.mark.parametrize("spec", STANDARD)
 def test_nan_drift_is_a_status_and_never_a_hang(spec):

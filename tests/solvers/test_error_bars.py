@@ -37,6 +37,7 @@ def test_a_bound_is_above_the_error_at_every_sample(name, method):
         assert np.all(traj.bound.reaction >= off * (1.0 - 1e-9))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", ["pbd", "catching_up"])
 @pytest.mark.parametrize("name", CURVED)
 def test_an_estimate_is_near_the_error(name, method):
@@ -63,6 +64,7 @@ def three_walls(**changes):
     return case.replace(**changes)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", ["pbd", "catching_up"])
 def test_a_scene_of_ones_own_has_a_bound(method):
     case = three_walls()

@@ -73,6 +73,7 @@ def slope(name, spec, ks, quantity="state_sup"):
     return nsbench.fit_order(1 / ks, np.array([r[quantity] for r in rows])).order, rows
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["tide", "three_discs", "slide_exit"])
 def test_penalty_once_extrapolated_has_order_two(name):
     """From where the layer behind the impact has died out at the next sample: sup over all samples,
@@ -114,6 +115,7 @@ def test_failures_and_refusals_pass_through():
 STEPS = 0.05 / np.array([8, 11, 15, 21, 29, 40, 55])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "spec, name",
     [

@@ -65,6 +65,7 @@ def test_what_cannot_matter_does_not(relation):
     assert max(found.values()) <= 1e-11, found
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("gap", (2.0**40, 2.0**-40))
 @pytest.mark.parametrize(
     "name, spec", (("circle_sliding", "event_driven"), ("slide_exit", "euler[implicit=true]"))
@@ -75,6 +76,7 @@ def test_the_unit_of_a_switch_changes_no_bit(name, spec, gap):
     assert set(found.values()) == {0.0}, found
 
 
+@pytest.mark.long
 def test_a_doubled_constraint_gives_the_same_reaction():
     case = get_case("apple")
     for spec in ("event_driven", "catching_up", "theta", "pbd"):

@@ -28,6 +28,7 @@ def heap(m, share):
     )
 
 
+@pytest.mark.long
 def test_many_discs_are_projected_over_those_near(monkeypatch):
     """800 discs have 319 600 pairs; the way is a combination of pushes of the contacts, none of
     which pulls."""
@@ -266,6 +267,7 @@ def test_a_start_printed_beside_the_end_of_a_wedge_is_moved_by_no_more_than_its_
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "spec, asked",
     (("catching_up", {"h": 0.01}), ("theta", {"h": 0.01}), ("event_driven", {"tol": 1e-10})),

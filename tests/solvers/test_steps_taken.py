@@ -16,6 +16,7 @@ def fits():
     return study, summary.summarise(data.read(study))["tide", "pbd"].state
 
 
+@pytest.mark.long
 @pytest.mark.survives("end between steps")
 def test_a_row_holds_the_step_that_divides_the_spacing():
     study, _ = fits()

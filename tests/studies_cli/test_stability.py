@@ -41,6 +41,7 @@ def test_a_low_stack_sinks_by_what_the_loads_above_leave_and_then_rests():
     assert hold(n, 400, "catching_up")["sunk"] < 1e-12
 
 
+@pytest.mark.long
 def test_jitter_is_taken_from_single_steps():
     """A tall stack is still sinking: single steps move by less than all of them together."""
     row = hold(30, 200, "pbd")

@@ -87,6 +87,7 @@ def test_search_is_below_the_exact_value_and_that_below_the_bound(graph):
     assert exact.value <= bound_violation(gram, distance, kinds)
 
 
+@pytest.mark.long
 def test_search_is_below_the_bounds_on_larger_packings():
     for graph in (hexagon(2), close_packed(13), grow(20, 0)):
         gram = graph.gram

@@ -152,6 +152,7 @@ def test_a_smooth_family_is_the_affine_one():
     )
 
 
+@pytest.mark.long
 def test_failures_are_statuses():
     def blow(xp):
         def f(t, x):

@@ -144,6 +144,7 @@ def test_the_compiled_loop_is_the_loop_in_python_for_every_family():
     assert own.reaction == pytest.approx(twin.reaction, abs=1e-11)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("spec", ACCURATE)
 def test_redundant_contacts_have_the_unique_reaction(spec):
     run = nsbench.solve("hex[n=19]", spec, h=0.01)

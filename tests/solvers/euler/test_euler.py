@@ -97,6 +97,7 @@ def test_on_the_surface_explicit_takes_the_positive_side():
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("spec", ["euler", IMPLICIT])
 def test_compiled_and_python_loops_give_the_same_bits(spec):
     case = get_case("oscillator")
@@ -192,6 +193,7 @@ def test_what_euler_refuses():
             solve(get_case("sliding"), "euler", h=h)
 
 
+@pytest.mark.long
 def test_steps_whose_roundings_may_be_the_motion_are_not_called_ok():
     def far(away):
         problem = Filippov.signs(

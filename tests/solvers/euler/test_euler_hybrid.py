@@ -16,11 +16,13 @@ def order(make, name):
     return np.polyfit(np.log(STEPS), np.log([e[name] for e in found]), 1)[0]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ("state_sup", "impulse", "event_time"))
 def test_is_of_order_one_in_states_modes_and_events(name):
     assert abs(order(thermostat, name) - 1.0) < 0.2
 
 
+@pytest.mark.long
 def test_is_of_order_one_where_the_state_jumps():
     assert abs(order(neuron, "event_time") - 1.0) < 0.2
 

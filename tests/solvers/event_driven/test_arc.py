@@ -7,6 +7,7 @@ from nsbench.solvers.event_driven.smooth.arc import integrate_to_event
 from nsbench.solvers.event_driven.smooth.stall import STALL_STEPS, StallDetector
 
 
+@pytest.mark.long
 def test_no_narrow_dip_is_missed():
     """200 parabolas that dip below zero by 1e-3 to 1e-12 somewhere inside a step."""
     rng = np.random.default_rng(0)

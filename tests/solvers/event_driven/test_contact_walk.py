@@ -47,6 +47,7 @@ def agree(a, b, bound):
     assert all(abs(e[0] - f[0]) < 1e-7 for e, f in zip(first, second, strict=True))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "name",
     [

@@ -44,6 +44,7 @@ def columns(case, traj):
     return out
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("spec", KNOWN)
 def test_closed_forms_are_met(spec):
     case = get_case(spec)

@@ -45,6 +45,7 @@ FAILURES = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", FAILURES)
 def test_failures_are_statuses(name):
     drift, constraint, x0, code = FAILURES[name]

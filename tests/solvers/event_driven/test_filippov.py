@@ -97,6 +97,7 @@ def test_the_numbers_of_slide_exit_hold_and_are_met():
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", ["rk45", "radau", "lsoda"])
 def test_every_integrator_gets_there(method):
     traj = solve(get_case("slide_exit"), f"event_driven[method={method}]", tol=1e-9)

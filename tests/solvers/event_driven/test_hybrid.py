@@ -20,6 +20,7 @@ def made(traj):
     return [e.contact[1] for e in traj.events], [e.t for e in traj.events]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("make", (ball, neuron, thermostat, clock))
 @pytest.mark.parametrize("method", ("dop853", "rk45", "radau"))
 def test_states_events_and_modes_are_those_of_the_closed_form(make, method):
@@ -231,6 +232,7 @@ def test_a_guard_that_no_reset_changes_fires_once_each_time_it_rises(guard, time
     assert traj.x[-1, 0] == len(times)
 
 
+@pytest.mark.long
 def test_a_guard_that_jumps_often_does_not_accumulate():
     jump = lambda xp: lambda t, x: 3.0 - (t - 6.0 * xp.floor(t / 6.0))
     traj = solve(counter(jump, 185.0), "event_driven")

@@ -179,6 +179,7 @@ def test_a_sliding_motion_is_let_go_where_the_drift_jumps(at):
     assert abs(traj.events[1].t - at) < 1e-14
 
 
+@pytest.mark.long
 def test_a_start_from_which_both_sides_of_a_jump_lead_away_is_not_decided_by_a_compiled_run():
     apart = factory(lambda xp, t, x: xp.array([xp.sign(x[0]), 1.0 + 0.0 * t]))
     problem = Filippov({(1,): apart, (-1,): apart}, factory(smooth_surface))
@@ -251,6 +252,7 @@ def case_file(folder, force):
     return path
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("force", REFUSED)
 def test_what_cannot_be_traced_is_named_with_its_line_and_a_remedy(force, tmp_path):
     note = solve(load_case(case_file(tmp_path, force)), "event_driven").stats["note"]

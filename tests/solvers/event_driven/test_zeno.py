@@ -71,6 +71,7 @@ def ladder(case, octaves, points):
     )
 
 
+@pytest.mark.long
 def test_implicit_steps_pass_the_zeno_point_with_order_one_half_over_six_octaves():
     h, err = ladder(get_case("spiral"), 6, 25)
     assert h[0] / h[-1] >= 64 and 0.4 < np.polyfit(np.log(h), np.log(err), 1)[0] < 0.6
@@ -87,6 +88,7 @@ def test_the_half_is_a_logarithm():
     assert np.all(np.abs(np.log(err / model))[h < a / 2] < 0.5)
 
 
+@pytest.mark.long
 def test_at_rest_in_the_point_the_weights_are_one_half():
     case = get_case("spiral", a=0.5)
     traj = solve(case, IMPLICIT, h=0.01)

@@ -5,6 +5,8 @@ import json
 import subprocess
 import sys
 
+import pytest
+
 CODE = """
 import json, resource, sys
 import numpy as np, nsbench
@@ -24,6 +26,7 @@ print(json.dumps(out))
 """
 
 
+@pytest.mark.long
 def test_memory_and_lists_grow_like_the_number_of_discs():
     out = subprocess.run(
         [sys.executable, "-c", CODE], capture_output=True, text=True, check=True

@@ -90,6 +90,7 @@ def test_levels_keep_the_order_and_share_no_particle():
             last[int(e)] = where[c]
 
 
+@pytest.mark.long
 def test_failures_and_refusals():
     import jax
 

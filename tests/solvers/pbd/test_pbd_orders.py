@@ -126,6 +126,7 @@ def test_smooth_scenes_in_the_host_loop_keep_the_order(order):
     assert np.array_equal(a.x, b.x)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("order", ["cell", "coloured"])
 @pytest.mark.parametrize("name", ["tide", "discs[n=3]", "hex"])
 def test_the_claimed_order_is_reached(order, name):

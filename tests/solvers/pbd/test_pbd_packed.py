@@ -93,6 +93,7 @@ def test_coincident_centres_and_an_end_in_nan_are_the_same(monkeypatch):
         )
 
 
+@pytest.mark.long
 def test_lists_that_get_too_long_hand_the_run_over(monkeypatch):
     case = box_of_discs(1600, 0.8, "overlapping").replace(t=np.linspace(0.0, 0.03, 2))
     calls = []

@@ -85,6 +85,7 @@ def test_implicit_goes_on_where_explicit_meets_the_wall():
     )
 
 
+@pytest.mark.long
 def test_the_integrator_is_chosen_by_k():
     low, high = (solve("three_discs", "penalty[method=auto]", k=k) for k in (1e3, 1e5))
     assert low.stats["integrator"] == "tsit5" and high.stats["integrator"] == "kvaerno5"
@@ -98,6 +99,7 @@ def test_the_integrator_is_chosen_by_k():
     )
 
 
+@pytest.mark.long
 def test_newton_does_not_take_rounding_for_divergence():
     traj = solve("hex", "penalty[method=kvaerno5]", k=1631.0626448979872)
     assert traj.status.ok and traj.stats["steps"] + traj.stats["refused_steps"] < 300
@@ -185,6 +187,7 @@ def branching(xp):
     return lambda t, x: x if x[0] > 0 else -x
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "drift, code, word",
     [

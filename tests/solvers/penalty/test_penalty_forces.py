@@ -49,6 +49,7 @@ def plane(dim):
     ), n
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("dim", [1, 2, 3])
 def test_forces_are_minus_the_gradient_of_the_energy(dim):
     """Against central differences of k/2 sum max(-g, 0)^2, with the gaps of

@@ -10,6 +10,7 @@ from nsbench.solvers import get
 from nsbench.solvers.penalty.neighbor_segments import NeighborSegments, _table
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("reach", [0.05, 0.3])
 def test_near_pairs_give_the_result_of_all_pairs(reach):
     case = get_case("discs", n=30)
