@@ -78,7 +78,6 @@ def imports(path):
             yield from (a.name for a in node.names if a.name.startswith("nsbench."))
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("path", sorted(ROOT.rglob("*.py")), ids=lambda p: str(p.relative_to(ROOT)))
 def test_imports_point_one_way(path):
     here = path.relative_to(ROOT).parts[0].removesuffix(".py")
@@ -133,7 +132,6 @@ def test_start_up_imports_nothing_heavy(code):
     assert not loaded_by(code)[0] & set(HEAVY)
 
 
-@pytest.mark.long
 def test_apple_under_pbd_models_only_what_it_needs():
     """Neither jax nor scipy.spatial, and no kernel for particles."""
     top, modules = loaded_by("import nsbench; nsbench.solve('apple', 'pbd', h=0.01)")

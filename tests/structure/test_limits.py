@@ -84,7 +84,6 @@ def test_every_file_says_what_it_computes(path):
     assert text or not path.read_text(encoding="utf-8").strip()
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("path", FILES, ids=name)
 def test_one_assignment_a_line(path):
     """A tuple is assigned to a tuple only where a later value reads an earlier target, as a swap
