@@ -25,7 +25,7 @@ SETTLED = -1
 UNCERTAIN = -2
 
 # called by drivers in Python too
-callable_kernel = njit(cache=True, error_model="numpy", forceinline=True)
+callable_kernel = njit(cache=True, error_model="numpy")
 
 
 @callable_kernel
@@ -103,7 +103,7 @@ def kink_band(run, w, held, t):
     return band
 
 
-@inlined
+@inner_kernel
 def _falling_kink(run, m, held, t, h):
     """Return the first watched function of a kink, counted from the first kink's, that is within
     rounding of zero and falls in program m, whose Taylor coefficients are work.D; SETTLED for none,
@@ -138,7 +138,7 @@ def expand_motion(programs, m, t, x, settings, watches, longest, D):
     return step_length(D, n, p, x, outs, watches, settings.local_error, longest)
 
 
-@inlined
+@inner_kernel
 def leads_away(run, m, t, longest):
     """Does a kink have both states as the one in which the motion goes on from its start? Then the
     drift jumps there, and the motion is not unique."""
@@ -164,7 +164,7 @@ def leads_away(run, m, t, longest):
     return found
 
 
-@inlined
+@inner_kernel
 def settle_kinks(run, m, held, t, longest):
     """Set the states of the kinks in which the motion goes on from time t in program m.
 

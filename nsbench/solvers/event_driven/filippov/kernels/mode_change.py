@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from nsbench.compilation.decorators import inlined
+from nsbench.compilation.decorators import inlined, inner_kernel
 from nsbench.solvers.event_driven.filippov.kernels.kinks import (
     SETTLED,
     UNCERTAIN,
@@ -86,7 +86,7 @@ def reach_surface(run, i, fired, t):
     return surface_met(run.programs, t, motion.x, motion.mode, before, run.work.V, run.work.G)
 
 
-@inlined
+@inner_kernel
 def pass_kink(run, m, i, kink, t):
     """Change the state of the kink with the watched function `kink`, counted from the first kink's,
     in program m; return the surface i if the motion slid on it and the jump of the drift leaves no
@@ -206,7 +206,9 @@ def begin_arc(run, surface, held, t, begun):
     counters = run.counters
     motion = run.motion
     work = run.work
-    place_kinks(run.programs, motion.mode.size, held, t, motion.x, work.V, work.G)
+    is_kinked = run.programs.kinks.state.size > 0
+    if is_kinked:
+        place_kinks(run.programs, motion.mode.size, held, t, motion.x, work.V, work.G)
     if surface != NO_SURFACE and not change_mode(run, surface, t, begun):
         return -1
     m = program_of_mode(run.modes.table, motion.mode)
@@ -217,15 +219,16 @@ def begin_arc(run, surface, held, t, begun):
     i = run.modes.slides[m]
     if i >= 0:
         project_onto_surface(run.programs, i, t, motion.x, work.V, work.G)
-    longest = min(run.settings.longest_step, run.records.times[-1] - t)
-    k = settle_kinks(run, m, held, t, longest)
-    if k != SETTLED:
-        if k != UNCERTAIN:
-            counters[CODE] = KINK
-        counters[FIRED] = k
-        return -1
-    if begun == CHOOSE_START and leads_away(run, m, t, longest):
-        return -1
+    if is_kinked:
+        longest = min(run.settings.longest_step, run.records.times[-1] - t)
+        k = settle_kinks(run, m, held, t, longest)
+        if k != SETTLED:
+            if k != UNCERTAIN:
+                counters[CODE] = KINK
+            counters[FIRED] = k
+            return -1
+        if begun == CHOOSE_START and leads_away(run, m, t, longest):
+            return -1
     if not arm_watches(run, m, i, held, t):
         return -1
     counters[ARCS] += 1
