@@ -1,4 +1,4 @@
-"""Cases from a function as it is written for solve_ivp: its jumps are known from its values alone."""
+"""Cases from a function as written for solve_ivp: its jumps are known from its values alone."""
 
 import warnings
 

@@ -1,4 +1,4 @@
-"""`nsbench compare` as a page and as Markdown: what changed, against its interval, and the history."""
+"""`nsbench compare` as a page and as Markdown: what changed against its interval, the history."""
 
 import re
 

@@ -151,7 +151,7 @@ def test_step_answers_for_a_case_and_an_error(capsys):
 
 
 def test_error_bars_use_one_thread_of_blas(monkeypatch):
-    """A row of a worker, which has one, and a run in Python get the same bits, and no thread waits."""
+    """A row of a worker, which has one, and a run in Python get the same bits; no thread waits."""
     from threadpoolctl import threadpool_info, threadpool_limits
 
     from nsbench.error_bars import bars
