@@ -129,7 +129,9 @@ class Path:
         return {int(j) for j in at[~arcs.inside]}
 
     def _local(self, j: int):
-        found = local_solution(self.shadow, float(self.nodes.t[j]), float(self.H[j]), self.Y[j])
+        t = float(self.nodes.t[j])
+        H = float(self.H[j])
+        found = local_solution(self.shadow, t, H, self.Y[j], self.Y[j + 1])
         self.is_complete &= found.is_complete
         self.push[j] = self.Y[j + 1] - found.state
         self.slack[j] = found.residual

@@ -96,7 +96,7 @@ class Shadow:
         inside = np.ones(len(t), bool)
         q = np.zeros((len(t), len(PLACES), rows.m))
         for e, w in enumerate(PLACES):
-            P, dP = _hermite(w, H[:, None], Y0, Y1, V0, V1)
+            P, dP = hermite(w, H[:, None], Y0, Y1, V0, V1)
             s = t + w * H
             if rows.m and not (rows.is_straight and not rows.is_moving):
                 P = rows.closed(s, P)
@@ -152,11 +152,19 @@ class Arcs:
         return H[:, None] * (7.0 * (F0 + F1) + 32.0 * (a + c) + 12.0 * b) / 90.0
 
 
-def _hermite(w, H, Y0, Y1, V0, V1):
-    """Return the cubic Hermite polynomial and its derivative in time at the part w of H."""
+def hermite(w, H, Y0, Y1, V0, V1):
+    """Return the cubic Hermite polynomial and its derivative in time at the part w of H.
+
+    Y0, Y1, V0, V1: states and velocities at its ends; w and H broadcast against them.
+    """
     P = (1.0 + 2.0 * w) * (1.0 - w) ** 2 * Y0 + w * (1.0 - w) ** 2 * H * V0
     P += w * w * (3.0 - 2.0 * w) * Y1 - w * w * (1.0 - w) * H * V1
     dP = 6.0 * w * (1.0 - w) / H * (Y1 - Y0)
     dP += (1.0 - w) * (1.0 - 3.0 * w) * V0 - w * (2.0 - 3.0 * w) * V1
     return P, dP
 
+
+
+def boole(values: np.ndarray) -> np.ndarray:
+    """Return the mean over an interval of a function with these five equidistant values (5, ...)."""
+    return (7.0 * (values[0] + values[4]) + 32.0 * (values[1] + values[3]) + 12.0 * values[2]) / 90.0
