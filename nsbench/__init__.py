@@ -1,5 +1,4 @@
-"""nsbench: which method, which step, what error, at what cost, for Filippov and complementarity
-systems."""
+"""Test bench for methods on Filippov and complementarity systems: errors, orders, costs."""
 
 from importlib import import_module
 from importlib.util import find_spec

@@ -1,4 +1,7 @@
-"""Units of a case: the time and the sizes of its coordinates that all tolerances are relative to.
+"""The Scale record: a case's unit of time and sizes of coordinates, stated by its author or found.
+
+All tolerances are relative to it; nsbench.dynamics.scaling.estimate finds it where the case states
+none, and nsbench.dynamics.scaling.scaled_case applies it.
 
 Methods and checks work on a case in its own units (nsbench.dynamics.scaling), so that the constants
 in them mean the same in every unit. Sentences about such a run speak in the user's units: while

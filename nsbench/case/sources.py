@@ -1,4 +1,4 @@
-"""One rule for the names of cases: NAME, NAME[p=v], PATH.py, PATH.py[p=v], or a folder of files.
+"""Find the cases that a user names: NAME, NAME[p=v], PATH.py, PATH.py[p=v], or a folder of files.
 
 A case without parameters that lists SUITES stands for the parameter sets of the suite.
 """

@@ -1,5 +1,6 @@
-"""`nsbench list`: registered cases and solvers, and the columns of a result, each with a line about
-it.
+"""`nsbench list`: the registered cases and solvers, and the columns of a result.
+
+Each comes with a line about it.
 
 Cases and solvers that fail to load are listed with the reason.
 """

@@ -1,5 +1,4 @@
-"""Entry point of the command line: parse, run the verb, turn exceptions into a sentence and an
-exit code.
+"""Entry point of the command line: parse, run the verb, turn exceptions into exit codes.
 
 Only this module prints. What names and files contain is printed without control characters, so
 that no text of a case file can command the terminal. Exit codes: nsbench.cli.exit_codes.

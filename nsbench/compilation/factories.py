@@ -1,4 +1,4 @@
-"""A factory of a case as a numpy function, as a numba function pointer, as a JAX function.
+"""Turn a factory, make(xp) -> f(t, x), into a numpy function, a numba cfunc or a JAX function.
 
 A compiled drift is a C callback ``(t, x, out)``. Passed to a cached kernel it is a first-class
 function pointer: the kernel is compiled once for every drift and stored on disk; the drift itself

@@ -1,5 +1,4 @@
-"""A compiled JAX program as bytes and back, without pickle: a line of JSON, then XLA's own form of
-its machine code.
+"""Serialise a compiled JAX program without pickle: a line of JSON, then XLA's machine code.
 
 jax.experimental.serialize_executable writes a pickle, and reading one runs whatever it contains.
 Here the line of JSON describes arguments and results, and XLA refuses code that it did not write.

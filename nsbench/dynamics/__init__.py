@@ -1,5 +1,4 @@
-"""Evaluate what the problems of the bench are made of: constraints, Filippov fields, LCS inputs,
-units.
+"""Evaluate what problems consist of: constraints, Filippov fields, LCS inputs, units.
 
 contacts: gaps, gradients and candidate contacts of constraint families. filippov: modes, rates of
 switch functions, convex hulls. lcs: linear complementarity systems. scaling: a case

@@ -1,5 +1,4 @@
-"""Linear complementarity systems: right-hand sides, consistency of the start, uniqueness of the
-motion.
+"""Linear complementarity systems: right-hand sides, consistent starts, uniqueness of the motion.
 
     x' = A x + B lam + u(t),    0 <= lam  _|_  w = C x + D lam + q(t) >= 0
 

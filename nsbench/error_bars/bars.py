@@ -1,4 +1,6 @@
-"""Error bars of a run: a bound, or an estimate, of its error at every sample, from the run alone.
+"""Core of the error bars: the error at every sample from residuals, growth and split bounds.
+
+What a trajectory needs to have them, and its scaling, is error_bars.entry.
 
 Let Y be a curve in the feasible set S, q >= 0 with q . g(Y) = 0, and rho = Y' - f(t, Y) - N^T q.
 For convex S the exact motion x with multipliers Lambda has

@@ -1,4 +1,4 @@
-"""Error bars of a trajectory: which runs have them, and their computation in own units."""
+"""Entry point of the error bars: decide whether a run can have them, scale it, compute them."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""Shadow of a run: states in the feasible set S near the recorded ones, and smooth arcs of a curve
-in S through them.
+"""Comparison curve Y of a run: feasible states near the recorded ones, smooth arcs between them.
 
 Between two recorded times at which the same contacts act, the curve is a cubic Hermite polynomial
 with the velocities of the exact motion on the face of these contacts at its ends, moved onto the

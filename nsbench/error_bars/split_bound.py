@@ -1,4 +1,6 @@
-"""Bound of the error w = Y - x of a curve Y in a polyhedron, with its direction as far as known.
+"""Error bound of a curve in a polyhedron: a vector for its known part, a radius for the remainder.
+
+The error is w = Y - x, of the curve Y against the motion x.
 
 Let a be the contacts that are closed along Y in an interval, or may be closed for x: those with
 g_k(Y) <= |w|. Tangential to all of them, with the projection P, contact forces vanish, and

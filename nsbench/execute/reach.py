@@ -1,4 +1,4 @@
-"""Runs beyond the end of a ladder: until an error that is asked for is reached, or costs too much.
+"""Extend ladders of accuracies until an asked-for error is reached, or would cost too much.
 
 A ladder ends where it ends; whether a method reaches an error is then not known, though its order
 tells which step would. `further_runs` adds the steps up to that one, where the seconds that they

@@ -1,5 +1,6 @@
-"""The gate: numbers of a study against a reviewed baseline, one number per line, each with its own
-tolerance.
+"""The gate: numbers of a study against a reviewed baseline, each number with its own tolerance.
+
+A baseline has one number per line.
 
 `facts` turns a folder of results into numbers with the configuration they were made under;
 `baseline` reads and writes the file that people review; `comparison` compares the two; `calibrate`

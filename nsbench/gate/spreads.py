@@ -1,5 +1,7 @@
-"""Spreads of the facts of a study under perturbed starts, stored as calibration.csv beside the
-results; they become the tolerances of a baseline."""
+"""Spreads of the facts of a study under perturbed starts, the tolerances of a baseline.
+
+They are stored as calibration.csv beside the results.
+"""
 
 from __future__ import annotations
 

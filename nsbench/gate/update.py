@@ -1,5 +1,4 @@
-"""A baseline brought up to date: only lines whose facts changed are written anew, each with the
-reason given."""
+"""Update a baseline: lines whose facts changed are written anew, each with the reason given."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Numbers of one version: those that a baseline could hold, intervals of orders, seconds."""
+"""Numbers that `nsbench compare` sets side by side: per folder its facts, orders and seconds.
+
+Facts (nsbench.gate.facts) are what a baseline could hold; seconds are not among them.
+"""
 
 from __future__ import annotations
 

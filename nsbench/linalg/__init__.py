@@ -1,2 +1,4 @@
-"""Compiled linear algebra, arrays in and arrays out: small dense systems, rank, skyline Cholesky,
-sparse L D L^T and multifrontal Cholesky factorisations."""
+"""Compiled linear algebra: dense systems, rank, skyline, sparse and multifrontal factorisations.
+
+Arrays in and arrays out. Skyline and multifrontal: Cholesky; sparse: L D L^T.
+"""

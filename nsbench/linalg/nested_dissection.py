@@ -1,5 +1,6 @@
-"""Nested dissection of coordinates, and the assembly tree on which linalg.multifrontal factors
-I + G^T W G.
+"""Nested dissection of coordinates: the order and the assembly tree for factors of I + G^T W G.
+
+The factors are those of linalg.multifrontal.
 
 Two coordinates are neighbours if a row of G uses both. A part is split by the middle level of a
 breadth-first search; the level comes last and is a part of its own, so nothing in front of it meets

@@ -1,4 +1,4 @@
-"""Charts of the rows of a study: errors over the step, errors over seconds, orders."""
+"""Public face of charts, as `study.plot`: the specifications of report.charts.studies as Charts."""
 
 from __future__ import annotations
 

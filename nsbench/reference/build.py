@@ -1,5 +1,6 @@
-"""Build and verify stored references: a certificate for small scenes, else two integrators that
-agree and a witness.
+"""Build and verify stored references: certified for small scenes, else two runs and a witness.
+
+A reference without certificate is that of two integrators that agree, and a witness.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Claims of solvers and lengths of runs, as numbers, from the stored descriptions of a study.
+"""Read, from the stored descriptions, what each solver claims and the time span of each case.
 
 The descriptions come from files: what is missing or no positive number stands for no claim.
 """

@@ -1,4 +1,4 @@
-"""A table of a few lines for the end of `nsbench run`: the best method on each case, and its worth.
+"""Table for the terminal at the end of `nsbench run`: per case the best method, its error and cost.
 
 Best is the cheapest method that reaches the state error TARGET; where no error is known, or none
 is small enough, the line says so.

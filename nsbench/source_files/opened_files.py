@@ -1,5 +1,6 @@
-"""Files that a user's case or solver file opens: data and modules that no import statement names,
-but that change its numbers.
+"""Files that a user's case or solver file opens: data and modules that no import statement names.
+
+They change its numbers all the same.
 
 What is opened while the file is loaded is known before anything runs, and enters its run key; what
 its runs open is known after them, and is stored with their rows. An audit hook sees everything that

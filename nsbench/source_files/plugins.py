@@ -1,4 +1,4 @@
-"""Cases and methods that installed packages bring, by their entry points.
+"""Find the case and solver files that installed packages bring, by their entry points.
 
     [project.entry-points."nsbench.cases"]        my_tissue = "my_package.my_tissue"
     [project.entry-points."nsbench.solvers"]      my_method = "my_package.my_method"

@@ -1,5 +1,7 @@
-"""What a user's case or solver file depends on, by its syntax tree: every import in it, at the top
-or inside functions, and so on through the user's own modules.
+"""Dependencies of a user's case or solver file, found in its syntax tree without running it.
+
+They are every import in it, at the top or inside functions, and so on through the user's own
+modules.
 
 Nothing is imported. An import leads to a module beside the file, to one elsewhere that Python would
 find, or to an installed library, which counts by its version. Beyond imports count

@@ -1,4 +1,6 @@
-"""Run cases with solvers at a ladder of accuracies: one row per attempted run.
+"""Plan and run a benchmark study: cases x methods x accuracies, one row per attempted run.
+
+Open questions with their evidence are in nsbench.studies.
 
     plan              every run to attempt, as a `Spec`
     attempt           one run and its row

@@ -1,4 +1,6 @@
-"""Check what a solver returned against the contract of a run.
+"""Check a solver's whole answer against the contract: returned values, then start and steps.
+
+The values are checked by solvers.common.returned_value, which every run passes.
 
 A status "ok" is the solver's claim. Here shapes, types, times, start and steps are checked; what
 the numbers are worth is measured (nsbench.measure) and diagnosed (nsbench.diagnostics) afterwards.

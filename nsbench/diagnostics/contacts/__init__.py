@@ -1,3 +1,1 @@
-"""Checks of runs with constraints: infeasible or degenerate constraints, and contacts passed
-through.
-"""
+"""Checks of runs with constraints: infeasible, degenerate or passed through."""

@@ -1,4 +1,7 @@
-"""Anchors that are further apart than the links between them are long: shortest paths."""
+"""Prove links infeasible: two anchors lie farther apart than the shortest chain of links reaches.
+
+The check infeasible_constraints asks for it.
+"""
 
 from __future__ import annotations
 

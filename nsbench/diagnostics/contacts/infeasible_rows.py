@@ -1,5 +1,7 @@
-"""Rows that leave no point, by linear programs (Boyd & Vandenberghe, Convex Optimization, section
-11.4.1: phase I)."""
+"""Prove linear constraints A x + b >= 0 infeasible by a linear program, for the check on them.
+
+Phase I of Boyd & Vandenberghe, Convex Optimization, section 11.4.1.
+"""
 
 from __future__ import annotations
 

@@ -1,3 +1,1 @@
-"""Checks of runs of Filippov systems: late exits, repulsive and dependent surfaces, motions not
-unique.
-"""
+"""Checks of runs of Filippov systems: late exits, special surfaces, motions that are not unique."""

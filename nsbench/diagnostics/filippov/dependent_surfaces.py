@@ -1,4 +1,4 @@
-"""Check: regularisation layers of surfaces with dependent normals combine fields that do not meet.
+"""Check: velocity of a regularised run outside Filippov's set where surface normals are dependent.
 
 Around a common zero of m switches with independent gradients there are 2^m sectors, and the fields
 of all meet there. If the gradients are dependent, as of surfaces that are one, or that meet in

@@ -1,3 +1,1 @@
-"""Evaluate constraint families: candidate contacts, gaps, gradients, rates, and tolerances of
-violations.
-"""
+"""Evaluate constraint families: candidate contacts, gaps, gradients, rates, tolerances."""

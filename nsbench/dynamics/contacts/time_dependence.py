@@ -1,4 +1,4 @@
-"""Time dependence of constraint families: curves, their speeds, smooth gaps and derivatives.
+"""Evaluate moving constraints: b(t) of walls, anchors(t), Smooth g(t, x), and time derivatives.
 
 Curves are those of walls (the right-hand sides of rows) and of anchors.
 """

@@ -1,3 +1,1 @@
-"""Evaluate Filippov systems: sign patterns, sliding velocity, rates of switch functions, distance
-to Filippov's set.
-"""
+"""Evaluate Filippov systems: modes, sliding velocity, switch rates, distance to Filippov's set."""

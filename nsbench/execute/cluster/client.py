@@ -1,5 +1,4 @@
-"""Client of a Dask cluster: rows computed by its workers, as nsbench.execute.workers.pool does
-here.
+"""Client of a Dask cluster: its workers compute rows, as those of execute.workers.pool do here.
 
 Runs are sent as data (specifications; case and solver files, with the modules and data that they
 use), never as code, to workers that have the same package. What a run is made of is checked again

@@ -1,5 +1,6 @@
-"""Pool of supervised local workers: spawned, warm, one case at a time each, killed and replaced on
-their limits.
+"""Pool of supervised local workers: one case at a time each, killed and replaced on their limits.
+
+Workers are spawned once and stay warm.
 
 The parent never computes. A worker announces what it is about to do with which run; when nothing
 new is received within the limit it is killed, the run becomes a timeout row, and the rest of its

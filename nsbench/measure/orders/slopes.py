@@ -1,4 +1,4 @@
-"""Plain slopes of log err over log h, and the record of a fit that they are put into.
+"""Fit plain slopes of log err over log h, and hold all results of an order fit in one record.
 
 Of all points, of the medians per octave and of the largest errors per octave, each by least squares
 with the t-based 95 % interval. They are reported beside the order, whatever its verdict.

@@ -1,4 +1,6 @@
-"""Active-set solution of the projection QP of a step, warm-started from the step before.
+"""Exact projection QP of few rows: block exchange, projected Newton, then dual active set.
+
+Warm-started from the step before:
 
     min 1/2 |d|^2  s.t.  q + G d >= 0        d = G^T mu,    0 <= mu  _|_  w = q + G G^T mu >= 0
 

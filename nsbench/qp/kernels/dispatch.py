@@ -1,5 +1,6 @@
-"""Choice of the solver of a projection QP, between two C callbacks, so that a time loop is compiled
-without them.
+"""Choose the solver of a projection QP by the number of rows at work: exact, or large.
+
+Both are C callbacks, so that a time loop is compiled without them.
 
 `exact` (qp.kernels.active_set_callback) where few rows are at work; `large`
 (qp.kernels.large_callback) beyond, and `exact` from where that has come if it gives up. Both fill

@@ -1,5 +1,7 @@
-"""Projection QP with many rows as a C callback: the active set of the step before, updated row by
-row, or else the interior-point method, both on one assembly tree.
+"""Projection QP with many rows as a C callback: working-set update, else interior-point method.
+
+The working set is that of the step before, updated row by row (working_set_update); where that
+gives up, interior_point solves. Both use one assembly tree. See active_set_callback for few rows.
 
 A file of its own: a C callback is compiled when its file is imported.
 """

@@ -1,5 +1,4 @@
-"""Span of sparse rows: which lie in the span of others, and multipliers that hold all of them at
-zero.
+"""Span of sparse rows: which rows depend on others, and multipliers that hold all of them at zero.
 
 Both by the sparse L D L^T factor of G G^T (linalg.sparse_ldl).
 """

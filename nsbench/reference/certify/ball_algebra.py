@@ -1,6 +1,4 @@
-"""Algebra in balls: small linear and nonlinear systems; positivity of a polynomial
-on an interval.
-"""
+"""Algebra in balls: linear and nonlinear systems, positivity of a polynomial on an interval."""
 
 from __future__ import annotations
 

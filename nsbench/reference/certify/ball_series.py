@@ -1,5 +1,4 @@
-"""Ball series: truncated power series in time with ball coefficients, which a drift can be
-evaluated in.
+"""Ball series: truncated power series in time with ball coefficients, to evaluate a drift in.
 
 Jet is a truncated series a_0 + a_1 s + ... + O(s^L) whose coefficients are balls (python-flint's
 arb_series): every operation rounds outwards, so what is true of a ball is true of every number in

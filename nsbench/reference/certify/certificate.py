@@ -1,5 +1,4 @@
-"""Certified references of small scenes: the arcs of an event-driven run, followed in 30 digits and
-proven.
+"""Certified references of small scenes: the arcs of an event-driven run, proven in 30 digits.
 
 An independent computation (Taylor series with high-precision coefficients, events by Newton,
 multipliers by series division) follows the arcs; balls then bound its distance from the solution

@@ -1,5 +1,4 @@
-"""Arcs that an event-driven run claims: active contacts or mode of each, and the event that ends
-it.
+"""Arcs that an event-driven run claims: active contacts or mode of each, and the event at its end.
 
 Only the public trajectory is read. The case is run once more with samples inside every arc, and
 what acts there is what has an impulse there. Nothing of it is believed: the certificate proves or

@@ -1,5 +1,4 @@
-"""Equations of one arc with active contacts, for numbers of any kind: velocity, unknowns, watched
-signs.
+"""Equations of one arc with active contacts, for numbers of any kind: velocity, multipliers, signs.
 
 A flow has unknowns u (multipliers of the active contacts, or signs of the sliding surfaces) given
 by residual(u) = 0, and x' = velocity(u). `watch` lists what the arc claims to be non-negative: gaps

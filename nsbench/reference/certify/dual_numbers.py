@@ -1,6 +1,4 @@
-"""Dual and complex numbers over ball series: partial derivatives, complex arithmetic, arrays of
-numbers.
-"""
+"""Dual and complex numbers over ball series, and arrays of them: for partial derivatives."""
 
 from __future__ import annotations
 

@@ -1,5 +1,6 @@
-"""Equations of one arc of a Filippov system, sliding included; see
-nsbench.reference.certify.contact_flow.
+"""Equations of one arc of a Filippov system, sliding included, for numbers of any kind.
+
+Their form is that of nsbench.reference.certify.contact_flow.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Charts of a study or a trajectory with their data: the layouts of the page, filled.
+"""Fill the chart layouts of the page with data: Vega-Lite specifications for study and trajectory.
 
 Every function returns a Vega-Lite specification that stands alone: notebooks show it, and
 nsbench.report.charts.files writes it as SVG, PDF or JSON.

@@ -1,3 +1,1 @@
-"""What several methods share: time grid, start policy, binding of compiled loops, divergence,
-extrapolation.
-"""
+"""Shared by several methods: time grid, start, compiled loops, divergence, extrapolation."""

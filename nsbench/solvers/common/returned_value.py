@@ -1,4 +1,4 @@
-"""Check the value that a run returns: types, times, shapes, finiteness.
+"""Check the type, times, shapes and finiteness of a run's value, right after the run.
 
 Everything after a run relies on these; they are checked before anything else reads the value.
 """

@@ -1,5 +1,6 @@
-"""Euler's method on a Filippov field, a hybrid or a smooth system: explicit (chatters),
-implicit (does not).
+"""Explicit and implicit Euler on a Filippov field, a hybrid or a smooth system.
+
+Explicit steps chatter about a sliding surface, implicit ones do not.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Baseline: PBD for discs in a box, pairs from SciPy's cKDTree."""
+"""Baseline: PBD for discs in a box as users write it, with pairs from SciPy's cKDTree."""
 
 from nsbench.solvers.kdtree.method import SOLVER
 

@@ -1,4 +1,4 @@
-"""Baseline: position-based dynamics as users write it.
+"""Baseline: PBD for discs or balls in a box, with pairs from SciPy's cKDTree, as users write it.
 
 SciPy's cKDTree finds the pairs of a step, numba or numpy projects them.
 """

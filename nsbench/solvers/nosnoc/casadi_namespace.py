@@ -1,5 +1,4 @@
-"""Factories in casadi: numbers that build expressions, and the array namespace to hand to a
-factory.
+"""Array namespace of casadi expressions, to hand to the factories of a case.
 
 numpy arrays of Symbols do the indexing, stacking and products; what numpy would ask a number for
 (sin, sqrt, ...) the Symbol answers with an expression. Symbol itself is no sequence and leaves

@@ -1,5 +1,7 @@
-"""nosnoc: finite elements with switch detection (FESD), one nonlinear program per step, solved by
-IPOPT. An extra."""
+"""Finite elements with switch detection (FESD) by the package nosnoc: one nonlinear program a step.
+
+IPOPT solves it. An extra: pip install "nsbench[nosnoc]".
+"""
 
 from __future__ import annotations
 

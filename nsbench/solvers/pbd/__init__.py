@@ -1,4 +1,4 @@
-"""pbd: see method.py."""
+"""Position-based dynamics: an Euler step, then sweeps of exact projections (see method.py)."""
 
 from nsbench.solvers.pbd.method import SOLVER
 

@@ -1,5 +1,4 @@
-"""Position-based dynamics: explicit Euler, then one exact projection per constraint, in a stated
-order.
+"""Position-based dynamics: explicit Euler, then one exact projection per constraint, in order.
 
     y = x + h f(t, x),    x+ = P_m o ... o P_1 (y)
 

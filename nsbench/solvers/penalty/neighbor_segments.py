@@ -1,5 +1,6 @@
-"""A penalty over near pairs: integrate while no particle has travelled further than the lists
-allow, list again, go on.
+"""Penalty over near pairs: integrate in segments, with the pairs listed anew before each.
+
+A segment ends where a particle has travelled further than the lists allow.
 
 The lists of a segment hold every pair with a gap of at most `margin` at its start. While no
 coordinate has changed by more than margin / (2 sqrt(dim)), no other pair can touch: its force is

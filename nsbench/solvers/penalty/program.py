@@ -1,5 +1,4 @@
-"""The compiled program of a penalised problem: traced and compiled once for all k, starts, times
-and tolerances."""
+"""Compiled program of a penalised problem, one for all k, starts, times and tolerances."""
 
 from __future__ import annotations
 

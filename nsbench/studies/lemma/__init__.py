@@ -1,4 +1,4 @@
-"""Study of the constants of one sweep: C in the largest violation, C' in the sum of violations.
+"""Study of the sweep lemma: constants C of the largest violation, C' of their sum.
 
 For the linearised sweep (packings.linear_sweep) over all gaps g >= -1 and all orders,
 

@@ -1,4 +1,4 @@
-"""Tables and figures of the study `lemma` from its numbers."""
+"""Tables of the study `lemma` from its numbers, and the choice of its figures."""
 
 from __future__ import annotations
 

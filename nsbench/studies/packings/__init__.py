@@ -1,1 +1,1 @@
-"""Packings of touching discs and spheres, orders of their contacts, and the linearised sweep."""
+"""Shared by the studies: packings of touching discs and spheres, orders, the linearised sweep."""

@@ -1,3 +1,1 @@
-"""Compiled kernels for contacts: cell lists, order of a sweep, impulse records, and the arrays they
-exchange.
-"""
+"""Compiled kernels for contacts: cell lists, order of a sweep, impulse records, arrays."""

@@ -1,4 +1,4 @@
-"""Name the arrays by which kernels receive candidate contacts and the data of their constraints.
+"""Named tuples of arrays by which kernels receive candidate contacts and data of constraints.
 
 A contact k has the gap
 

@@ -1,4 +1,4 @@
-"""Integrate Complementarity systems between events: arcs with a fixed set of active contacts.
+"""Event-driven method for gradient systems with constraints: arcs with fixed active contacts.
 
 host_loop: arcs and active sets in Python. compiled_loop: driver of the compiled loop in kernels,
 for affine drifts and constraints at rest. active_set: the velocity LCP with look-ahead, for both.

@@ -1,4 +1,4 @@
-"""Statuses of arcs and choices of active contacts that failed."""
+"""Statuses for arcs that failed, and for choices of active contacts that failed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Evaluate the drift of a Complementarity system in fixed states of its kinks (tracing.kinks).
+"""Evaluate the drift of a constrained case with every abs, max and sign held on one branch.
+
+These are the states of its kinks (event_driven.filippov.tracing.kinks, which the Filippov method
+shares).
 
 On an arc the drift is smooth: the program of its traced operations for the present states. The
 watched functions of the kinks are further event functions, at whose event a state changes. Drifts

@@ -1,4 +1,4 @@
-"""Prepare runs of Complementarity cases: compiled where the case allows it, else in Python."""
+"""Choose the compiled or the Python event loop for a constrained case, and prepare its run."""
 
 from __future__ import annotations
 

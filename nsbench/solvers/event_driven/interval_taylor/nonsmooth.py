@@ -1,4 +1,4 @@
-"""Functions of Jets with kinks and jumps.
+"""Enclose abs, sign, minimum, where and the like of Jets: functions with kinks and jumps.
 
 Smooth where one side is proven; elsewhere the hull of both sides, without derivatives.
 """

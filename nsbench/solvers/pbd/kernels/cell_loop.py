@@ -1,4 +1,4 @@
-"""Time loop for one family of hard particles and rows of A on single ones, stored by cells.
+"""Time loop of PBD for one family of hard particles stored by cells, and rows on single particles.
 
 It does the sweep of neighbor_loop bit for bit, and faster. The list of candidates (cell_storage)
 holds what can become active while no particle is farther than skin / 2 from where the list was

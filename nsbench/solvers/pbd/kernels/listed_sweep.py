@@ -1,4 +1,4 @@
-"""Gauss-Seidel sweep over a neighbour list, up to the projection that moves a particle too far.
+"""Gauss-Seidel sweep over a neighbour list, stopped where a projection moves a particle too far.
 
 A particle is too far where it has moved by more than skin / 2 since the list was built: then the
 list may lack a pair, and `renew` builds it anew.

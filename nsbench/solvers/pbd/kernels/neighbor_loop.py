@@ -1,4 +1,4 @@
-"""Time loop with hard particles by neighbour lists: the bits of the sweep over all pairs.
+"""Time loop of PBD with neighbour lists of hard particles, bit-identical to the sweep of all pairs.
 
 A list holds every pair whose gap was at most the skin when it was built (a Verlet list). As long as
 no particle has moved by more than skin / 2 since, a pair outside the list cannot overlap, and

@@ -1,4 +1,4 @@
-"""Name the state that the compiled event loop shares with its driver, and the codes it returns.
+"""Named tuples of the state that the compiled event loop shares with its driver, and loop codes.
 
 Values that do not change during a call are scalars (LoopSettings). Values that the loop writes are
 arrays of length 1, so that both sides see them.

@@ -1,4 +1,6 @@
-"""Set the states of the kinks of a program: by value, and where the motion reaches a kink.
+"""Choose the branch of each abs, max and sign of a program: by value, and at a crossing.
+
+The branch is the state 0 .. m of a kink with m breaks (event_driven.filippov.tracing.kinks).
 
 The interpreters know nothing of kinks: what depends on the state of one is a copy of a row or a
 constant, and a change of state rewrites these operations in the program (see loop_state.Kinks).

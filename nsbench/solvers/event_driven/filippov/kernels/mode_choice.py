@@ -1,5 +1,6 @@
-"""Geometry where a Filippov motion reaches a switching surface, and the mode that continues, chosen
-where that is certain.
+"""Choose, in compiled code, the mode that continues at one switching surface, where it is certain.
+
+The host's search among all modes is event_driven.filippov.mode_search.
 
 The last of the programs (see loop_state.Programs) computes value, gradient and time derivative of
 every switch function c_i and of the arguments of kinks. Conditions, bands and trial motions are

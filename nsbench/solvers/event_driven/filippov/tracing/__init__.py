@@ -1,5 +1,4 @@
-"""Tracing of a case's functions into programs: lists of scalar operations that compiled kernels
-interpret.
+"""Trace a case's functions into programs: lists of scalar operations that kernels interpret.
 
 `trace` runs a factory once on arrays of nodes and gives a `graph`; graphs know derivatives.
 numpy_functions: what numpy does on such arrays. kinks: functions that are not smooth. refusals:

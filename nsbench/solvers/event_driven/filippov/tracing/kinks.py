@@ -1,4 +1,4 @@
-"""Kinks and jumps of a traced function: nodes that depend on the state of a kink.
+"""Kinks of a traced function: nodes of abs, max, sign and tables, and the nodes that need them.
 
 A kink has an argument a (a node) and breaks b_1 < ... < b_m; its state 0 .. m counts the breaks
 below a. Between two changes of states a function is smooth: LOOKUP is a constant per state, SELECT

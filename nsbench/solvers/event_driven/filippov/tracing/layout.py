@@ -1,5 +1,4 @@
-"""Layout of a traced graph: for each of several lists of outputs, the operations that compute them,
-in order, as arrays."""
+"""Lay out a traced graph as arrays: the operations that each list of outputs needs, in order."""
 
 from __future__ import annotations
 
