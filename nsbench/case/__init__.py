@@ -12,7 +12,7 @@ from nsbench.case.registry import (
     plugin_case_file,
     plugin_case_names,
 )
-from nsbench.case.sources import SUITES, cases_of
+from nsbench.case.selection import SUITES, cases_of
 from nsbench.case.spec import format_value, parse_spec, parse_value
 from nsbench.input_errors import nearest
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from nsbench import solvers
 from nsbench.case import plugin_case_names
-from nsbench.case.sources import python_files
+from nsbench.case.selection import python_files
 from nsbench.case.spec import parse_spec
 from nsbench.cli.option_values import check_worker_options, find_cases
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from nsbench import solvers
 from nsbench.case import case_names, get_case, load_case, load_module, parse_spec
-from nsbench.case.sources import suite_parameters
+from nsbench.case.selection import suite_parameters
 from nsbench.cli.exit_codes import FAILED, FINE
 from nsbench.cli.file_checks.case_checks import check_case, check_repeatable
 from nsbench.cli.file_checks.solver_checks import check_solver

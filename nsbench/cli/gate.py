@@ -35,15 +35,15 @@ def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
     if args.update:
         return _update_baseline(measured, path, args, say)
     lines = baseline.read(path)
-    findings = compare(measured, lines)
-    code = exit_code(findings)
+    differences = compare(measured, lines)
+    code = exit_code(differences)
     for line in format_tolerances(widest_by_method(measured, lines)):
         say(line)
-    for line in format_lines(findings):
+    for line in format_lines(differences):
         say(line)
     if args.summary:
         with open(args.summary, "a", encoding="utf-8") as file:
-            file.write(format_summary(findings, code))
+            file.write(format_summary(differences, code))
     return code
 
 

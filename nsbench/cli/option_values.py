@@ -14,7 +14,7 @@ import numpy as np
 
 from nsbench import solvers
 from nsbench.case import Case, cases_of
-from nsbench.case.sources import split_path
+from nsbench.case.selection import split_path
 
 VALUES_PER_OCTAVE = 3.07  # of a range A..B: their ratios are not dyadic
 
@@ -62,7 +62,7 @@ def read_values(text: str) -> list[float]:
 def find_cases(
     names: Iterable[str], suite: str = "standard", args: argparse.Namespace | None = None
 ) -> list[tuple[Case, str]]:
-    """Build the cases of all names, each with its file (nsbench.case.sources), if they fit.
+    """Build the cases of all names, each with its file (nsbench.case.selection), if they fit.
 
     args: with the worker options memory and jobs; None: those of one process. Raises ValueError
     with the foreseen size for a registered case that needs more memory than there is, LookupError

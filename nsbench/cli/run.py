@@ -15,7 +15,7 @@ from pathlib import Path
 
 from nsbench import solvers
 from nsbench.case import broken_cases
-from nsbench.case.sources import python_files
+from nsbench.case.selection import python_files
 from nsbench.cli.exit_codes import FAILED, FINE
 from nsbench.cli.option_values import (
     check_accuracies,

@@ -22,7 +22,7 @@ from numba.core.registry import cpu_target
 
 from nsbench.compilation import disk_cache
 from nsbench.compilation.function_digest import Unknown, fingerprint
-from nsbench.compilation.installation import machine, version
+from nsbench.compilation.machine_and_libraries import machine, version
 from nsbench.source_files.package import package_digest
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ import types
 
 import numpy as np
 
-from nsbench.compilation.installation import version
+from nsbench.compilation.machine_and_libraries import version
 from nsbench.source_files.package import package_digest
 
 LIBRARIES = ("numpy", "jax", "math", "scipy", "cmath", "operator", "functools", "itertools")

@@ -21,8 +21,8 @@ import numpy as np
 
 from nsbench.compilation import disk_cache
 from nsbench.compilation.disk_cache import digest
-from nsbench.compilation.installation import machine, version
 from nsbench.compilation.jax_serialization import pack, unpack
+from nsbench.compilation.machine_and_libraries import machine, version
 from nsbench.source_files.package import package_digest
 
 # functions outside the program: LAPACK's must be looked up before it runs; any other (a callback

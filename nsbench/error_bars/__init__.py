@@ -1,6 +1,6 @@
 """A-posteriori error bars of runs of gradient systems: bounds and estimates without a reference."""
 
-from nsbench.error_bars.run_bars import (
+from nsbench.error_bars.entry import (
     Bars,
     ErrorBars,
     error_bars,

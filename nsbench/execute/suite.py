@@ -21,7 +21,7 @@ from pathlib import Path
 import nsbench
 from nsbench.case import parse_spec, size
 from nsbench.compilation.disk_cache import digest, digest_of
-from nsbench.execute import dry_run, reach
+from nsbench.execute import dry_run, extended_ladders
 from nsbench.execute.forecast import work
 from nsbench.execute.progress import EXPECTED_STATUSES, Progress
 from nsbench.execute.workers.pool import Chore, run_all
@@ -49,9 +49,9 @@ def execute(specs: list[Spec], out: Path, args, say) -> int:
 
     Writes DIR/{journal.jsonl, runs.*, env.json, cases.json, solvers.json, report.*, figures/,
     output/}. args: options of `nsbench run` (plan, force, timeout, memory, jobs, dask; with --plan
-    also probe and verbose; reach and budget: see nsbench.execute.reach). Raises ValueError for a
-    folder that cannot be used and for a case that needs too much memory; errors of results and
-    cluster pass on.
+    also probe and verbose; reach and budget: see nsbench.execute.extended_ladders). Raises
+    ValueError for a folder that cannot be used and for a case that needs too much memory; errors
+    of results and cluster pass on.
     """
     _check_folder(out)
     build_references({(s.case, s.file, s.references) for s in specs if s.references}, args, say)
@@ -69,9 +69,9 @@ def execute(specs: list[Spec], out: Path, args, say) -> int:
         rows = PackedRows()
         known = parts, keys, cases, rows
         fresh, drawn = _complete(specs, known, journal, args, say, out)
-        for _ in range(reach.ROUNDS if args.reach else 0):
+        for _ in range(extended_ladders.ROUNDS if args.reach else 0):
             found = [as_read(rows[keys[s]]) for s in specs if keys[s] in rows]
-            added = reach.further_runs(specs, found, args.reach, args.budget)
+            added = extended_ladders.further_runs(specs, found, args.reach, args.budget)
             if not added:
                 break
             parts |= _parts_of_all(added, cases)

@@ -1,6 +1,6 @@
 """Comparison of the facts of a study with a baseline, and the messages about it.
 
-Every line of the baseline and every fact without one becomes a `Finding` with one of OUTCOMES. A
+Every line of the baseline and every fact without one becomes a `Difference` with one of OUTCOMES. A
 number passes if |value - new| <= atol + rtol |value| (kind near, count), or if it does not lie
 beyond that on one side (max, min); NaN never passes. Messages are lines for a terminal, and a
 summary in Markdown for a page of continuous integration.
@@ -38,28 +38,31 @@ LARGER_IS_BETTER = tuple(c.name for c in held_by_gate() if c.gate == "min")
 
 
 @dataclass(frozen=True)
-class Finding:
-    """One line of the comparison: outcome (one of OUTCOMES) and a sentence with both values."""
+class Difference:
+    """Outcome of one comparison: one of OUTCOMES, "pass" included, and a sentence with both values.
+
+    key: case, solver, parameters and metric of the number.
+    """
 
     outcome: str
     key: tuple[str, str, str, str]
     sentence: str = ""
 
 
-def compare(found: dict[tuple, Fact], baseline: dict[tuple, Line]) -> list[Finding]:
+def compare(found: dict[tuple, Fact], baseline: dict[tuple, Line]) -> list[Difference]:
     """Compare facts with the lines of a baseline, both by key.
 
-    Returns a finding for every line of the baseline, then one for every fact that has no line.
+    Returns a difference for every line of the baseline, then one for every fact that has no line.
     """
     out = [_compare_line(found.get(key), line, found) for key, line in baseline.items()]
     return out + [
-        Finding("new", key, f"is {format_value(f.value)}; the baseline says nothing of it")
+        Difference("new", key, f"is {format_value(f.value)}; the baseline says nothing of it")
         for key, f in found.items()
         if key not in baseline
     ]
 
 
-def _compare_line(fact: Fact | None, line: Line, found) -> Finding:
+def _compare_line(fact: Fact | None, line: Line, found) -> Difference:
     """Compare one line with its fact (None: `found` has none of that key)."""
     if fact is None:
         near = [f for k, f in found.items() if k[:2] == line.key[:2]]
@@ -68,21 +71,23 @@ def _compare_line(fact: Fact | None, line: Line, found) -> Finding:
             if not near
             else "this run does not give it any more"
         )
-        return Finding("missing", line.key, f"was {format_value(line.value)}; {why}")
+        return Difference("missing", line.key, f"was {format_value(line.value)}; {why}")
     differs = differing_parts(line.config, fact.config)
     if differs:
-        return Finding(
+        return Difference(
             "configuration differs",
             line.key,
             f"{' and '.join(differs)} of another version: not comparable",
         )
     if line.kind == "class" or isinstance(fact.value, str):
         if not line.held and isinstance(fact.value, str):
-            return Finding("not held", line.key, f"is {fact.value!r}; it changes with the rounding")
+            return Difference(
+                "not held", line.key, f"is {fact.value!r}; it changes with the rounding"
+            )
         if str(fact.value) == str(line.value):
-            return Finding("pass", line.key)
+            return Difference("pass", line.key)
         changed = "status changed" if line.metric in ("status", "statuses") else "regressed"
-        return Finding(changed, line.key, f"was {line.value!r}, is {fact.value!r}")
+        return Difference(changed, line.key, f"was {line.value!r}, is {fact.value!r}")
     text = (
         f"was {format_value(line.value)}, is {format_value(fact.value)} (tolerance {line.rtol:g} "
         f"relative, "
@@ -90,15 +95,15 @@ def _compare_line(fact: Fact | None, line: Line, found) -> Finding:
     )
     allowed = line.atol + line.rtol * abs(line.value)
     if not math.isfinite(fact.value):  # NaN compares false with everything: it must never pass
-        return Finding("regressed", line.key, text)
+        return Difference("regressed", line.key, text)
     if not line.held:
-        return Finding("not held", line.key, f"{text}: it changes with the rounding")
+        return Difference("not held", line.key, f"{text}: it changes with the rounding")
     over = fact.value - line.value
     if {"max": over <= allowed, "min": -over <= allowed}.get(line.kind, abs(over) <= allowed):
-        return Finding("pass", line.key)
+        return Difference("pass", line.key)
     is_better = over > 0 if line.metric in LARGER_IS_BETTER or line.kind == "min" else over < 0
     better = is_better and line.metric not in ORDERS
-    return Finding("improved" if better else "regressed", line.key, text)
+    return Difference("improved" if better else "regressed", line.key, text)
 
 
 def differing_parts(a: str, b: str) -> list[str]:
@@ -107,11 +112,11 @@ def differing_parts(a: str, b: str) -> list[str]:
     return [name for name in dict.fromkeys((*one, *two)) if one.get(name) != two.get(name)]
 
 
-def exit_code(findings: list[Finding]) -> int:
+def exit_code(differences: list[Difference]) -> int:
     """Choose the exit code: 0 all is as it was; 1 something is not, also when it is better (a stale
     baseline hides the way back); 4 too little could be compared (less is held than is not), or one
     side has what the other lacks."""
-    counts = Counter(f.outcome for f in findings)
+    counts = Counter(f.outcome for f in differences)
     if counts.keys() & {"regressed", "status changed", "improved"}:
         return REGRESSED
     held = counts["pass"] > 0 and counts["pass"] >= counts["not held"]
@@ -123,42 +128,42 @@ def format_value(value) -> str:
     return f"{value:.6g}" if isinstance(value, float) else repr(value)
 
 
-def count_outcomes(findings: list[Finding]) -> str:
+def count_outcomes(differences: list[Difference]) -> str:
     """Say in a sentence how many numbers had which outcome."""
-    counts = Counter(f.outcome for f in findings)
+    counts = Counter(f.outcome for f in differences)
     return (
-        f"{format_count(len(findings), 'number')}: "
+        f"{format_count(len(differences), 'number')}: "
         + ", ".join(f"{counts[o]} {o}" for o in OUTCOMES if counts[o])
-        if findings
+        if differences
         else "nothing to compare"
     )
 
 
-def format_lines(findings: list[Finding]) -> list[str]:
+def format_lines(differences: list[Difference]) -> list[str]:
     """Format for a terminal what is not as before, outcome by outcome, and the counts."""
     out = []
     for outcome in BAD:
-        some = [f for f in findings if f.outcome == outcome]
+        some = [f for f in differences if f.outcome == outcome]
         out += [f"{outcome}: {' '.join(f.key)}: {f.sentence}" for f in some[:MAX_FINDINGS_LISTED]]
         if len(some) > MAX_FINDINGS_LISTED:
             out.append(f"{outcome}: and {len(some) - MAX_FINDINGS_LISTED} more")
-    return [*out, count_outcomes(findings)]
+    return [*out, count_outcomes(differences)]
 
 
-def format_summary(findings: list[Finding], code: int) -> str:
+def format_summary(differences: list[Difference], code: int) -> str:
     """Format in Markdown the verdict, then a table of what is not as before; code: `exit_code`."""
     verdict = {
         0: "All numbers are as in the baseline.",
         1: "Some numbers are not as in the baseline.",
         4: "Too little could be compared with the baseline.",
     }[code]
-    return format_changes(findings, verdict)
+    return format_changes(differences, verdict)
 
 
-def format_changes(findings: list[Finding], heading: str) -> str:
+def format_changes(differences: list[Difference], heading: str) -> str:
     """Format in Markdown a heading, the counts, then a table of what is not as before."""
-    out = [f"### {escape_markdown(heading)}", "", count_outcomes(findings) + ".", ""]
-    bad = [f for outcome in BAD for f in findings if f.outcome == outcome]
+    out = [f"### {escape_markdown(heading)}", "", count_outcomes(differences) + ".", ""]
+    bad = [f for outcome in BAD for f in differences if f.outcome == outcome]
     if bad:
         out += ["| | case | method | at | number | |", "| --- | --- | --- | --- | --- | --- |"]
         out += [

@@ -8,10 +8,10 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 
-from nsbench.gate.comparison import BAD, Finding, count_outcomes
+from nsbench.gate.compared_numbers import Version, common_seconds
+from nsbench.gate.comparison import BAD, Difference, count_outcomes
 from nsbench.report.charts.files import draw_svg, with_data
 from nsbench.report.charts.layouts import history_chart, scatter_chart
-from nsbench.gate.versions import Version, common_seconds
 from nsbench.report.study_pages import StudyFigure, StudySection
 from nsbench.report.style import assign_looks, format_factor, format_number
 from nsbench.report.tables.cells import Cell, Row, Table
@@ -25,17 +25,17 @@ WORK = "counted work"
 ERRORS = "errors and residuals"
 
 
-def comparison_section(versions: list[Version], findings: list[Finding]) -> StudySection:
+def comparison_section(versions: list[Version], differences: list[Difference]) -> StudySection:
     """Lay out the comparison of the last version with the one before, and the history of all.
 
-    findings: of the last version against the one before (nsbench.gate.comparison).
+    differences: of the last version against the one before (nsbench.gate.comparison).
     """
     old, new = versions[-2:]
     names = " ".join(v.name for v in versions)
-    same = all(f.outcome not in BAD for f in findings)
-    answer = f"{'Nothing changed' if same else 'Something changed'}: {count_outcomes(findings)}."
+    same = all(f.outcome not in BAD for f in differences)
+    answer = f"{'Nothing changed' if same else 'Something changed'}: {count_outcomes(differences)}."
     seconds = common_seconds(versions)
-    tables = [("What changed", _changes(old, new, findings))]
+    tables = [("What changed", _changes(old, new, differences))]
     figures = _scatters(old, new, seconds)
     if len(versions) > 2:
         tables += _histories(versions, seconds)
@@ -44,7 +44,7 @@ def comparison_section(versions: list[Version], findings: list[Finding]) -> Stud
         name="comparison",
         question=f"What changed from {old.name} to {new.name}?",
         answer=answer,
-        evidence=tuple(_evidence(old, new, findings, seconds)),
+        evidence=tuple(_evidence(old, new, differences, seconds)),
         refutation="the same command on results that were computed anew.",
         command=f"nsbench compare {names}",
         note="Seconds of different machines or hours are no finding.",
@@ -53,9 +53,9 @@ def comparison_section(versions: list[Version], findings: list[Finding]) -> Stud
     )
 
 
-def _evidence(old, new, findings, seconds):
+def _evidence(old, new, differences, seconds):
     """Yield sentences: orders beyond their intervals, the seconds, what is missing or new."""
-    orders = [f.key for f in findings if old.half_width(f.key) >= 0.0 and f.outcome in BAD]
+    orders = [f.key for f in differences if old.half_width(f.key) >= 0.0 and f.outcome in BAD]
     beyond = [k for k in orders if not _within(old, new, k)]
     yield (
         f"{len(beyond)} of {len(orders)} orders that changed lie outside the 95 % interval of "
@@ -84,9 +84,9 @@ def _within(old: Version, new: Version, key) -> bool:
     return abs(new.number(key) - old.number(key)) <= old.half_width(key)
 
 
-def _changes(old: Version, new: Version, findings: list[Finding]) -> Table:
+def _changes(old: Version, new: Version, differences: list[Difference]) -> Table:
     """Tabulate what is not as before, outcome by outcome, with the interval of before."""
-    bad = [f for outcome in BAD for f in findings if f.outcome == outcome]
+    bad = [f for outcome in BAD for f in differences if f.outcome == outcome]
     rows = [
         Row((Cell(f.outcome), *map(Cell, f.key[1:]), *_values(old, new, f)), group=f.key[0])
         for f in sorted(bad[:MAX_CHANGES], key=lambda f: f.key[0])
@@ -96,9 +96,9 @@ def _changes(old: Version, new: Version, findings: list[Finding]) -> Table:
     return Table("comparison-changes", columns, tuple(rows), note)
 
 
-def _values(old: Version, new: Version, finding: Finding) -> tuple[Cell, ...]:
+def _values(old: Version, new: Version, difference: Difference) -> tuple[Cell, ...]:
     """Return the cells of a change: before, after, relative change, the interval."""
-    key = finding.key
+    key = difference.key
     before, after = (v.facts.get(key) for v in (old, new))
     a = old.number(key)
     b = new.number(key)

@@ -13,7 +13,7 @@ from nsbench.report.euler_sliding_figure import (
     draw_euler_sliding_figure,
 )
 from nsbench.report.expectations import judge_expectations
-from nsbench.report.figures import case_panels, cost_panels
+from nsbench.report.panel_choice import case_panels, cost_panels
 from nsbench.report.style import (
     assign_looks,
     file_stem,

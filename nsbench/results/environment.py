@@ -8,7 +8,7 @@ import platform
 import sys
 
 import nsbench
-from nsbench.compilation.installation import NOT_INSTALLED, version
+from nsbench.compilation.machine_and_libraries import NOT_INSTALLED, version
 from nsbench.results.journal import SCHEMA
 from nsbench.source_files.package import package_digest
 

@@ -30,7 +30,12 @@ from typing import TYPE_CHECKING
 
 from nsbench.case import parse_spec
 from nsbench.compilation import disk_cache
-from nsbench.compilation.installation import metadata_file, processor, requirements, version
+from nsbench.compilation.machine_and_libraries import (
+    metadata_file,
+    processor,
+    requirements,
+    version,
+)
 from nsbench.source_files import (
     environment_reads,
     file_state,

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from nsbench.case.sources import cases_of
+from nsbench.case.selection import cases_of
 from nsbench.cli import main
 
 FALLS = '''"""A point that falls onto a floor: y' = -speed + lam, 0 <= y _|_ lam >= 0."""

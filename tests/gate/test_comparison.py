@@ -8,7 +8,7 @@ from report_rows import row
 
 from nsbench.cli import main
 from nsbench.gate.comparison_page import comparison_section
-from nsbench.gate.versions import common_seconds, read_versions
+from nsbench.gate.compared_numbers import common_seconds, read_versions
 from nsbench.results import tables
 
 

@@ -253,15 +253,15 @@ def test_where_less_is_held_than_is_not_too_little_was_compared():
 
 def test_the_summary_is_harmless_and_counts_everything():
     wild = replace(FACT, case="<script>|x")
-    findings = compare({wild.key: wild}, book(FACT, COUNT))
-    page = format_summary(findings, exit_code(findings))
+    differences = compare({wild.key: wild}, book(FACT, COUNT))
+    page = format_summary(differences, exit_code(differences))
     assert (
         "<script>" not in page
-        and "1 new" in count_outcomes(findings)
-        and "2 missing" in count_outcomes(findings)
+        and "1 new" in count_outcomes(differences)
+        and "2 missing" in count_outcomes(differences)
     )
     assert (
-        set(OUTCOMES) >= {f.outcome for f in findings}
+        set(OUTCOMES) >= {f.outcome for f in differences}
         and format_lines([])[-1] == "nothing to compare"
     )
 

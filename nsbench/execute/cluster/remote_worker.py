@@ -26,7 +26,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from nsbench.compilation import disk_cache
-from nsbench.compilation.installation import processor
+from nsbench.compilation.machine_and_libraries import processor
 from nsbench.execute.workers import memory
 from nsbench.execute.workers.output_capture import OutputCapture
 from nsbench.execute.workers.pool import WorkerPool

@@ -25,7 +25,7 @@ from nsbench.report.charts.layouts import (
 from nsbench.report.content import Content
 from nsbench.report.cost import Cost, cost_at_error, counted_inner_work
 from nsbench.report.data import GOOD, Runs
-from nsbench.report.figures import STEP_LABEL
+from nsbench.report.panel_choice import STEP_LABEL
 from nsbench.report.style import format_power
 from nsbench.report.summary import Order, Summary
 

@@ -14,7 +14,7 @@ import numpy as np
 from nsbench.report.charts.files import with_data
 from nsbench.report.charts.layouts import METRICS, Spec, curve_chart, error_chart, order_chart
 from nsbench.report.data import Data, Runs, read
-from nsbench.report.figures import STEP_LABEL
+from nsbench.report.panel_choice import STEP_LABEL
 from nsbench.report.style import Look, assign_looks
 from nsbench.report.summary import summarise
 from nsbench.trajectory import Trajectory

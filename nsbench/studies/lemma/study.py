@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from nsbench.report.style import format_number
-from nsbench.studies.packings.contact_graphs import ContactGraph, chain, grow, hexagon, star
-from nsbench.studies.packings.contact_orders import named_orders
 from nsbench.studies.finding import Effort, EvidenceTable, Finding
 from nsbench.studies.lemma import random_packings
-from nsbench.studies.lemma.evidence import (
+from nsbench.studies.lemma.exact_constant import enumerate_violation, exact_violation
+from nsbench.studies.lemma.graph_constants import listed_graphs, measure_constants
+from nsbench.studies.lemma.proven_bound import bound_equal_discs
+from nsbench.studies.lemma.sweep_orders import find_best_order, median_of_random_orders
+from nsbench.studies.lemma.tables import (
     constants_table,
     correlation_table,
     draw_figures,
@@ -18,12 +20,10 @@ from nsbench.studies.lemma.evidence import (
     quantile_table,
     theory_table,
 )
-from nsbench.studies.lemma.exact_constant import enumerate_violation, exact_violation
-from nsbench.studies.lemma.graph_constants import listed_graphs, measure_constants
-from nsbench.studies.lemma.proven_bound import bound_equal_discs
-from nsbench.studies.lemma.sweep_orders import find_best_order, median_of_random_orders
 from nsbench.studies.lemma.theory_check import count_violations, largest_ratio
 from nsbench.studies.lemma.worst_geometry import find_worst_geometry
+from nsbench.studies.packings.contact_graphs import ContactGraph, chain, grow, hexagon, star
+from nsbench.studies.packings.contact_orders import named_orders
 from nsbench.studies.registry import find_study
 
 SEED = 27

@@ -57,9 +57,13 @@ class KinkedDrift:
     """Drift with the states of its kinks."""
 
     def __init__(self, traced: TracedPrograms):
-        from nsbench.solvers.event_driven.filippov.kernels import enclosure, kinks, mode_choice
+        from nsbench.solvers.event_driven.filippov.kernels import (
+            enclosure,
+            kink_branches,
+            mode_choice,
+        )
 
-        self.kernels = kinks
+        self.kernels = kink_branches
         self.evaluate = mode_choice.evaluate_program
         self.interval_order = enclosure.ORDER
         self.interval = enclosure.enclose

@@ -55,7 +55,7 @@ class TracedPrograms:
     def place_kinks(self, t: float, x: np.ndarray, V: np.ndarray) -> bool:
         """Set the states of the kinks by the values of their arguments at (t, x); is none at its
         break? V: work (rows, 1)."""
-        from nsbench.solvers.event_driven.filippov.kernels.kinks import place_kinks
+        from nsbench.solvers.event_driven.filippov.kernels.kink_branches import place_kinks
 
         G = np.zeros((self.d + len(self.places), self.n + 2))
         place_kinks(self.programs, self.d, -1, float(t), x, V, G)

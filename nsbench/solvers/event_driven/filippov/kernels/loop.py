@@ -8,7 +8,7 @@ that are not unique, steps that cannot be certified.
 import numpy as np
 
 from nsbench.compilation.decorators import inlined, njit
-from nsbench.solvers.event_driven.filippov.kernels.kinks import begin_kinks
+from nsbench.solvers.event_driven.filippov.kernels.kink_branches import begin_kinks
 from nsbench.solvers.event_driven.filippov.kernels.loop_state import (
     CALLS,
     CARRY,

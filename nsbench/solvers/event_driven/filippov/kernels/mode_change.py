@@ -3,7 +3,7 @@
 import numpy as np
 
 from nsbench.compilation.decorators import inlined, inner_kernel
-from nsbench.solvers.event_driven.filippov.kernels.kinks import (
+from nsbench.solvers.event_driven.filippov.kernels.kink_branches import (
     SETTLED,
     UNCERTAIN,
     cross_kink,

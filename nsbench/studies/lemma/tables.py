@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsbench.studies.packings.contact_graphs import ContactGraph, chain, hexagon
 from nsbench.studies.finding import EvidenceFigure, EvidenceTable
 from nsbench.studies.lemma.figures import (
     NumberedGraph,
@@ -18,6 +17,7 @@ from nsbench.studies.lemma.random_packings import (
     rank_correlations,
     tail_share,
 )
+from nsbench.studies.packings.contact_graphs import ContactGraph, chain, hexagon
 
 QUANTILES = (0.1, 0.5, 0.9, 0.99)
 THRESHOLDS = (1.0, 1.5, 2.0, 2.5)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nsbench.execute.reach import further_runs
+from nsbench.execute.extended_ladders import further_runs
 from nsbench.study.plan import plan_runs
 
 STEPS = [0.05 / n for n in (1, 2, 3, 4, 6, 8, 11, 16)]
