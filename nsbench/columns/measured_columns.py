@@ -1,4 +1,4 @@
-"""Columns that the bench computes from a trajectory: errors, their floors, and residuals.
+"""Columns that the bench measures against a reference: errors, error bars, selections, floors.
 
 Written by `nsbench.measure.errors`. Notation: x* and lambda* are the reference, t_i the sample
 times, D = t_{i+1} - t_i, I the cumulative impulse (integral of lambda dt) of each contact, matched
@@ -354,47 +354,5 @@ REFERENCE = (
         "",
         "names of the errors that lie below ten times what the reference's own error can make of "
         "them (summed over 2 k intervals for l1, divided by the shortest D for settled and sup)",
-    ),
-)
-RESIDUALS = (
-    Column(
-        "feasibility",
-        "residual",
-        "number",
-        "gap",
-        "largest violation max(0, -g) over constraints and sample times",
-        "violation",
-        gate="near",
-        scale="state_scale",
-    ),
-    Column(
-        "sign",
-        "residual",
-        "number",
-        "multiplier",
-        "smallest interval mean of a multiplier; of a Filippov system: of theta and 1 - theta",
-        gate="min",
-        scale="impulse_scale",
-    ),
-    Column(
-        "complementarity",
-        "residual",
-        "number",
-        "gap x multiplier",
-        "largest product of a gap that stays open over an interval and its mean multiplier",
-        gate="near",
-        scale="impulse_scale",
-    ),
-    Column(
-        "residual",
-        "residual",
-        "number",
-        "state / time",
-        "largest defect of the equation over an interval, per unit of time, beyond what the "
-        "quadrature may be wrong by; of a Filippov system: distance of the velocity to the "
-        "convex hull of the fields; of a hybrid one: in intervals without a transition",
-        "equation residual",
-        gate="near",
-        scale="impulse_scale",
     ),
 )

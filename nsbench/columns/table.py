@@ -3,8 +3,12 @@
 Whoever writes, stores, prints or holds a column asks here: `nsbench.measure.errors` (which errors
 there are), `nsbench.study` (which names a method may not use), `nsbench.results.tables` (unit and
 meaning in the schema of runs.parquet), `nsbench.report` (what is a number, labels, floors, the
-glossary), `nsbench.gate` (what is held, and how), `nsbench list metrics` and docs/columns.md. A new
-column is one entry of this table.
+glossary), `nsbench.gate` (what is held, and how), `nsbench list metrics` and docs/columns.md.
+
+A new column is one entry in a file of this folder (measured_columns, residual_columns,
+run_columns) and its value, under the same name: an error in `nsbench.measure.errors`, a residual
+in `found` of `nsbench.measure.residuals`, counted work in the `stats` of a trajectory. A new tuple
+of entries is named in COLUMNS below. `python -m nsbench.columns.page` writes docs/columns.md anew.
 
 The table lies below `measure` and `study`, which need it, and not in `results`, which is above
 them. It is a part of what every row is made of (nsbench.results.run_key): rows are made again
@@ -22,9 +26,9 @@ from nsbench.columns.measured_columns import (
     ERRORS,
     FLOORS,
     REFERENCE,
-    RESIDUALS,
     SELECTION,
 )
+from nsbench.columns.residual_columns import RESIDUALS
 from nsbench.columns.run_columns import CLOCK, ENDING, RUN, WORK
 
 COLUMNS: tuple[Column, ...] = (

@@ -43,8 +43,7 @@ from nsbench.measure.context import MeasureContext, context_of
 from nsbench.measure.event_times import event_errors
 from nsbench.measure.multiplier_sets import selection
 from nsbench.measure.multiplier_times import errors_at_times
-from nsbench.measure.residuals import NAMES as RESIDUALS
-from nsbench.measure.residuals import residuals
+from nsbench.measure.residuals import no_residuals, residuals
 from nsbench.problem import Complementarity
 from nsbench.reference import columns_of, spread
 from nsbench.trajectory import Trajectory
@@ -71,7 +70,7 @@ def errors(case: Case, traj: Trajectory, context: MeasureContext | None = None) 
         "below": "",
     }
     if not len(traj.t):
-        return out | dict.fromkeys(RESIDUALS, float("nan"))
+        return out | no_residuals()
     if not np.array_equal(traj.t, case.t):
         raise ValueError(
             f"the run has {len(traj.t)} samples at times of its own; {case.key} has {len(case.t)}"

@@ -3,30 +3,31 @@
 All are in the units of the case and computed from samples and impulses alone. Interval means of the
 multipliers are impulse increments over the sample spacing D.
 
-feasibility       max over samples of max_k (-g_k)^+; LCS: of the interval means of -w, and at
-samples in rows without
-                  lam; Filippov, hybrid: none (NaN)
-sign              least interval mean of a multiplier; Filippov: least of theta and 1 - theta;
-hybrid:
-                  least part of an interval that is spent in a mode
-complementarity   largest over intervals of (gap at both ends)^+ x mean multiplier; Filippov: c^+ (1
-- theta) and
-                  (-c)^+ theta; LCS: mean w x mean lam where nothing switches. A contact that acts
-                  and lets go between two samples is seen with an error of O(D^2)
-residual          largest over intervals of (|x_{k+1} - x_k - int f - (R_{k+1} - R_k)| - q)^+ / D, a
-velocity, and of
-                  the same for R_{k+1} - R_k = sum of impulse x gradient; int f by quadrature over
-                  the samples, whose error is at most q (see quadrature; order six, and two at
-                  kinks). Of the order of the method, down to O(D^2) in intervals that hold several
-                  events, which samples D apart cannot tell from a defect.
-                  Filippov: distance of (x_{k+1} - x_k) / D to the convex hull of the fields' means,
-                  over the modes that the weights theta allow (between 0 and 1: both sides); a mean
-                  of products is not the product of means, which is allowed for by a quarter of the
-                  product of both ranges, O(D^2) for smooth theta
-                  Hybrid: of the equation of the mode, in intervals without a transition
+feasibility      max over samples of max_k (-g_k)^+; LCS: of the interval means of -w, and at
+                 samples in rows without lam; Filippov, hybrid: none (NaN)
+sign             least interval mean of a multiplier; Filippov: least of theta and 1 - theta;
+                 hybrid: least part of an interval that is spent in a mode
+complementarity  largest over intervals of (gap at both ends)^+ x mean multiplier; Filippov:
+                 c^+ (1 - theta) and (-c)^+ theta; LCS: mean w x mean lam where nothing switches.
+                 A contact that acts and lets go between two samples is seen with an error of
+                 O(D^2)
+residual         largest over intervals of (|x_{k+1} - x_k - int f - (R_{k+1} - R_k)| - q)^+ / D, a
+                 velocity, and of the same for R_{k+1} - R_k = sum of impulse x gradient; int f by
+                 quadrature over the samples, whose error is estimated by q (see quadrature; order
+                 six, and two at kinks). Of the order of the method, down to O(D^2) in intervals
+                 that hold several events, which samples D apart cannot tell from a defect.
+                 Filippov: distance of (x_{k+1} - x_k) / D to the convex hull of the fields' means,
+                 over the modes that the weights theta allow (between 0 and 1: both sides); a mean
+                 of products is not the product of means, which is allowed for by a quarter of the
+                 product of both ranges, O(D^2) for smooth theta.
+                 Hybrid: of the equation of the mode, in intervals without a transition
 
 With two samples, how an integrand moves between them is not known: what needs a quadrature (the
 residual; feasibility and complementarity of an LCS) is NaN.
+
+Which residuals there are, the table of columns says (group "residual" of nsbench.columns). A new
+one is an entry there, and a value under its name in what `_measured` puts into `found`; where
+nothing is computed under a name, the residual is NaN.
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ from itertools import product
 
 import numpy as np
 
+from nsbench.columns import names
 from nsbench.compilation.factories import as_numpy
 from nsbench.dynamics.filippov.convex_hull import distance_to_hull
 from nsbench.measure.context import MeasureContext, changes, near_of
@@ -44,11 +46,18 @@ from nsbench.reference import right_hand_side, spread
 from nsbench.trajectory import Trajectory
 
 OPEN = 1e-6  # of the largest w or multiplier: below, it may be none, and an error
-NAMES = ("feasibility", "sign", "complementarity", "residual")
+# residuals that two samples do not determine: of an LCS, and of all other problems
+BY_QUADRATURE_OF_LCS = ("feasibility", "complementarity", "residual")
+BY_QUADRATURE = ("residual",)
+
+
+def no_residuals() -> dict[str, float]:
+    """Return NaN for every residual of the table of columns."""
+    return dict.fromkeys(names("residual"), float("nan"))
 
 
 def residuals(frame: MeasureContext, traj: Trajectory) -> dict:
-    """Measure the four residuals over the samples before the first that is not finite.
+    """Measure all residuals over the samples before the first that is not finite.
 
     NaN where there are fewer than two.
     """
@@ -68,7 +77,7 @@ def _measured(frame: MeasureContext, traj: Trajectory) -> tuple[dict, np.ndarray
     good = np.all(np.isfinite(traj.x), axis=1) & np.all(np.isfinite(traj.impulse), axis=1)
     good &= np.all(np.isfinite(traj.reaction), axis=1)
     k = int(np.argmin(good)) if not good.all() else len(good)
-    out = dict.fromkeys(NAMES, float("nan"))
+    out = no_residuals()
     each = np.full(max(len(good) - 1, 0), np.nan)
     if k < 2:
         return out, each
@@ -84,32 +93,28 @@ def _measured(frame: MeasureContext, traj: Trajectory) -> tuple[dict, np.ndarray
     kinked = kinked_intervals(
         t, changes(frame.case.problem, t, impulse) if k > 2 else np.zeros(k - 2, bool), events
     )
+    is_lcs = isinstance(frame.case.problem, LCS)
     with np.errstate(all="ignore"):
         if isinstance(frame.case.problem, Filippov):
-            *found, off = _inclusion(frame.case, traj.contacts, t, x, impulse, kinked)
-            found = *found, off.max(initial=0.0)
+            found, off = _inclusion(frame.case, traj.contacts, t, x, impulse, kinked)
+            found["residual"] = off.max(initial=0.0)
         elif isinstance(frame.case.problem, Hybrid):
-            *found, off = _modes(frame.case.problem, t, x, impulse, kinked)
-            found = *found, np.nanmax(off, initial=0.0)
+            found, off = _modes(frame.case.problem, t, x, impulse, kinked)
+            found["residual"] = np.nanmax(off, initial=0.0)
         else:
             lam = np.diff(impulse, axis=0) / np.diff(t)[:, None]
             args = frame, traj.contacts, t, x, impulse, reaction, lam
-            if isinstance(frame.case.problem, LCS):
-                feasible, complementary, mismatch = _lcs(*args, kinked)
-            else:
-                feasible, complementary, mismatch = _gaps(*args)
+            found, mismatch = _lcs(*args, kinked) if is_lcs else _gaps(*args)
             equation = _equation(frame, t, x, impulse, reaction, kinked, traj.contacts)
-            found = (
-                feasible,
-                float(lam.min(initial=0.0)),
-                complementary,
-                max(float(equation.max(initial=0.0)), float(mismatch.max(initial=0.0))),
+            found["sign"] = lam.min(initial=0.0)
+            found["residual"] = max(
+                float(equation.max(initial=0.0)), float(mismatch.max(initial=0.0))
             )
             off = np.maximum(equation, mismatch)
-    out = dict(zip(NAMES, map(float, found), strict=True))
+    out |= {name: float(value) for name, value in found.items() if name in out}
     if k == 2:
-        by_quadrature = NAMES if isinstance(frame.case.problem, LCS) else ("residual",)
-        out |= {name: float("nan") for name in by_quadrature if name != "sign"}
+        by_quadrature = BY_QUADRATURE_OF_LCS if is_lcs else BY_QUADRATURE
+        out |= {name: float("nan") for name in by_quadrature if name in out}
     else:
         each[: k - 1] = off
     return out, each
@@ -128,14 +133,15 @@ def _equation(frame, t, x, impulse, reaction, kinked, contacts) -> np.ndarray:
 def _gaps(frame, contacts, t, x, impulse, reaction, lam):
     """Measure feasibility, complementarity, and how far the reaction is from impulse x gradient.
 
-    The last per unit of time. The gradient of an interval is the mean of both ends. What that may
-    be wrong by is bounded by half the largest change of the gradient over this interval and the two
-    on each side, times the impulse.
+    Returns the first two by name, and the last by interval (k - 1,), per unit of time. The gradient
+    of an interval is the mean of both ends. What that may be wrong by is bounded by half the
+    largest change of the gradient over this interval and the two on each side, times the impulse.
     """
     scene = frame.scene
     worst = max(scene.max_violation(a, b) for a, b in zip(t, x, strict=True))
     if not contacts:
-        return worst, 0.0, np.abs(np.diff(reaction, axis=0)).max(axis=1, initial=0.0)
+        found = {"feasibility": worst, "complementarity": 0.0}
+        return found, np.abs(np.diff(reaction, axis=0)).max(axis=1, initial=0.0)
     near = near_of(scene, contacts)
     places = scene.layout(near)
     complementary = 0.0
@@ -147,7 +153,7 @@ def _gaps(frame, contacts, t, x, impulse, reaction, lam):
         complementary = max(complementary, float((both * np.maximum(lam[k], 0.0)).max(initial=0.0)))
         rho = np.abs(reaction[k + 1] - reaction[k] - gradients.push(k, d)) - gradients.doubt(k, d)
         mismatch[k] = max(0.0, float(rho.max(initial=0.0)) / (t[k + 1] - t[k]))
-    return worst, complementary, mismatch
+    return {"feasibility": worst, "complementarity": complementary}, mismatch
 
 
 class _Gradients:
@@ -241,15 +247,15 @@ def _lcs(frame, contacts, t, x, impulse, reaction, lam, kinked):
     if reaction.shape[1]:
         off = np.diff(reaction - _lcs_push(p, contacts, impulse), axis=0)
         mismatch = (np.abs(off) / np.diff(t)[:, None]).max(axis=1, initial=0.0)
-    return feasible, complementary, mismatch
+    return {"feasibility": feasible, "complementarity": complementary}, mismatch
 
 
 def _inclusion(case, contacts, t, x, impulse, kinked):
     """Measure how far a Filippov run is from its differential inclusion.
 
-    Returns feasibility (NaN), the least weight, complementarity, and by interval the distance of
-    the mean velocity to the convex hull of the mean fields of the acting modes, less the bounds of
-    the quadrature.
+    Returns by name the least weight (sign) and complementarity, and by interval (k - 1,) the
+    distance of the mean velocity to the convex hull of the mean fields of the acting modes, less
+    the error estimates of the quadrature; NaN where no acting mode has a finite mean.
     """
     p = case.problem
     switch = as_numpy(p.switch)
@@ -265,6 +271,10 @@ def _inclusion(case, contacts, t, x, impulse, kinked):
     complementary = max(
         float((above * (1 - theta)).max(initial=0.0)), float((below * theta).max(initial=0.0))
     )
+    found = {
+        "sign": float(np.minimum(theta, 1 - theta).min()),
+        "complementarity": complementary,
+    }
     means = {}
     bounds = {}
     F = {}
@@ -281,24 +291,19 @@ def _inclusion(case, contacts, t, x, impulse, kinked):
         ]
         modes = [m for m in product(*sides) if np.all(np.isfinite(means[m][k]))]
         if not modes:
-            return (
-                float("nan"),
-                float(np.minimum(theta, 1 - theta).min()),
-                complementary,
-                np.full(len(off), np.nan),
-            )
+            return found, np.full(len(off), np.nan)
         slack = max(float(np.linalg.norm(bounds[m][k])) for m in modes) + (
             mixed[k] if len(modes) > 1 else 0.0
         )
         off[k] = max(0.0, distance_to_hull(v, np.array([means[m][k] for m in modes])) - slack)
-    return float("nan"), float(np.minimum(theta, 1 - theta).min()), complementary, off
+    return found, off
 
 
 def _modes(problem, t, x, impulse, kinked):
     """Measure how far a run of a hybrid system is from the equation of its mode, by interval.
 
-    Returns feasibility (NaN), the least part of an interval that is spent in a mode,
-    complementarity (NaN), and the defects (k - 1,), NaN in intervals with a transition.
+    Returns by name the least part of an interval that is spent in a mode (sign), and the defects
+    (k - 1,), NaN in intervals with a transition.
     """
     spent = np.diff(impulse, axis=0) / np.diff(t)[:, None]
     mode = spent.argmax(axis=1) if spent.shape[1] else np.zeros(len(t) - 1, int)
@@ -312,8 +317,7 @@ def _modes(problem, t, x, impulse, kinked):
             value, bound = integrals(t, F, ~own)
             rho = np.maximum(np.abs(np.diff(x, axis=0) - value) - bound, 0.0) / np.diff(t)[:, None]
             off[own] = rho.max(axis=1)[own]
-    least = float(np.min(spent, initial=0.0))
-    return float("nan"), least, float("nan"), off
+    return {"sign": float(np.min(spent, initial=0.0))}, off
 
 
 def _mixing(theta, F) -> np.ndarray:

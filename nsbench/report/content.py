@@ -26,7 +26,7 @@ TRUST_TABLES = (
     ("error_bars", "Error bars beside the true errors"),
     ("selection", "Multipliers that are not unique"),
     ("labels", "Where in its step a multiplier belongs"),
-    ("errors", "Every error at the finest step"),
+    ("errors", "Every error and residual at the finest step"),
     ("references", "References and their own error"),
 )
 MEASURED = (

@@ -1,5 +1,6 @@
 """One table of columns: whatever a run writes is described in it, and what it describes is used."""
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from nsbench import columns, study
 from nsbench.cli import main
 from nsbench.columns import page, table
 from nsbench.gate.facts import facts
+from nsbench.measure import residuals
 from nsbench.report import assemble, markdown
 from nsbench.report.data import Data, build, columns_of, merge, read
 from nsbench.results import tables
@@ -116,6 +118,24 @@ def test_what_is_not_an_entry_any_more_is_gone_from_the_errors(monkeypatch):
     assert "set_distance" not in nsbench.errors(case, nsbench.solve(case, "pbd", h=0.1))
 
 
+def test_a_new_residual_is_an_entry_and_a_computation(monkeypatch):
+    """The entry alone brings the column, without a value until one is computed."""
+    new = dataclasses.replace(NEW, name="energy", group="residual", label="energy balance")
+    monkeypatch.setattr(table, "COLUMNS", (*table.COLUMNS, new))
+    case = nsbench.get_case("tide")
+    run = nsbench.solve(case, "pbd", h=0.1)
+    assert np.isnan(nsbench.errors(case, run)["energy"])
+    gaps = residuals._gaps
+    computed = lambda *args: (gaps(*args)[0] | {"energy": -0.5}, gaps(*args)[1])
+    monkeypatch.setattr(residuals, "_gaps", computed)
+    found = nsbench.errors(case, run)
+    assert found["energy"] == -0.5 and found["feasibility"] >= 0.0
+    _, made = shown(read(rows_with(energy=-0.5)))
+    errors = made["errors"]
+    cells = dict(zip(errors.columns, (c.text for c in errors.rows[0].cells), strict=True))
+    assert cells["energy balance"] == "-0.5" and "violation" in cells
+
+
 def test_every_error_that_is_measured_reaches_the_report():
     """Also set_distance and sup, and in Markdown as on the page."""
     data = read(rows_with(set_distance=0.125, sup=0.375, below=""))
@@ -124,7 +144,7 @@ def test_every_error_that_is_measured_reaches_the_report():
     cells = dict(zip(errors.columns, (c.text for c in errors.rows[0].cells), strict=True))
     assert cells["distance to the set of solutions"] == "0.12"
     assert cells["multiplier, any interval"] == "0.38"
-    assert "### Every error at the finest step" in text and "| 0.12 |" in text
+    assert "### Every error and residual at the finest step" in text and "| 0.12 |" in text
 
 
 def test_errors_that_say_nothing_are_shown_as_below():

@@ -1,7 +1,7 @@
-"""Table of every measured error of every method, at its finest step.
+"""Table of every measured error and residual of every method, at its finest step.
 
-The columns are those of the groups "error" and "selection" of nsbench.columns that hold a value in
-the study: a new error is in the table without an edit here.
+The columns are those of GROUPS in nsbench.columns that hold a value in the study: a new error or
+residual is in the table without an edit here.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from nsbench.report.data import Data, Runs
 from nsbench.report.style import format_number
 from nsbench.report.tables.cells import Cell, Row, Table
 
-GROUPS = ("error", "selection")
+GROUPS = ("error", "selection", "residual")
 
 
 def error_table(data: Data) -> Table:
@@ -32,10 +32,10 @@ def error_table(data: Data) -> Table:
         cells = (_cell(runs, name, at) for name in shown)
         rows.append(Row((Cell(solver, kind="method"), *cells), case, solver))
     note = (
-        "Every error that the bench measured, of the finest run of each method that ended with a "
-        "number. “below” marks one that lies below what the reference's own error can make of it, "
-        "“none” one that has no meaning for the case or the method. Meanings and units are in the "
-        "glossary at the end."
+        "Every error and residual that the bench measured, of the finest run of each method that "
+        "ended with a number. “below” marks one that lies below what the reference's own error can "
+        "make of it, “none” one that has no meaning for the case or the method. Meanings and units "
+        "are in the glossary at the end."
     )
     return Table(
         "errors",
@@ -61,7 +61,7 @@ def _cell(runs: Runs, name: str, at: int) -> Cell:
         return Cell("none", kind="quiet")
     value = float(runs.col[name][at])
     floor = runs.floor(name)
-    if value < floor:
+    if describe(name).floor and value < floor:  # residuals have none, and may be negative
         return Cell(f"< {format_number(floor)}", kind="number")
     if name in runs.col["below"][at].split():
         return Cell("below", kind="quiet")
