@@ -1,10 +1,7 @@
 """Integrate a linear complementarity system between events: linear arcs with fixed rows w = 0.
 
 On an arc w = 0 on a set of rows I and lam = 0 elsewhere (see modes); it ends where w outside or lam
-inside falls through zero. At an event every set is a candidate whose constraints the state
-satisfies. A lam or w that vanishes there is decided by short trial motions: the first sign that
-shows counts, which is the lexicographic order of the derivatives. No candidate, or several with
-different motions, is a result: the run stops with a status.
+inside falls through zero. There row_choice finds the set of the next arc.
 """
 
 from __future__ import annotations
@@ -13,7 +10,6 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.case.scale import time_text
-from nsbench.dynamics.lcs import certainly_unique
 from nsbench.solvers.base import Run
 from nsbench.solvers.event_driven.accumulation import accumulation
 from nsbench.solvers.event_driven.lcs.linear_flow import (
@@ -21,20 +17,21 @@ from nsbench.solvers.event_driven.lcs.linear_flow import (
     INTEGRALS,
     NODES,
     NOISE,
-    LinearFlow,
     evaluate,
     first_crossing,
     is_resolved,
 )
-from nsbench.solvers.event_driven.lcs.modes import Inputs, build_mode
+from nsbench.solvers.event_driven.lcs.modes import Inputs
+from nsbench.solvers.event_driven.lcs.row_choice import (
+    MAX_ENUMERATED_ROWS,
+    ZERO_BAND,
+    Point,
+    RowChoice,
+)
 from nsbench.solvers.event_driven.smooth.stall import STALL_MESSAGE, StallDetector
 from nsbench.trajectory import Event, Resolution, Status, Trajectory
 
-MAX_ENUMERATED_ROWS = 6  # up to here all 2^m sets are candidates; beyond, those of implicit steps
-FIRST_TRIAL = -8.0  # trial motions: powers of ten, from 1e-8 of the fastest time of the candidates
-LONGEST_TRIAL = 1e-2  # to this part of the run: what vanishes so long counts as zero
-ZERO_BAND = 1e-12  # of the terms of a sum: below, it is zero (4500 roundings)
-START_BAND = 1e-9  # the same for the start, which may have been typed
+START_BAND = 1e-9  # as ZERO_BAND, for the start, which may have been typed
 STEP_SHARE = 1e-2  # of the tolerance for the last coefficients of one step: a run takes tens
 # Growth of a state in one step, so that STEP_SHARE of the tolerance is relative to its start
 MAX_GROWTH = 100.0
@@ -66,7 +63,7 @@ class LcsIntegrator:
         self.T = float(case.t[-1])
         self.x = case.x0.copy()
         self.inputs = Inputs(self.system)
-        self.flows = {}
+        self.choice = RowChoice(case, self.inputs, options.method, tol)
         self.flow = None
         self.stalls = StallDetector(self.t, self.T - self.t)
         self.min_step = max(
@@ -85,13 +82,10 @@ class LcsIntegrator:
         self.idle_events = 0
         self.steps = 0
         self.arcs = 0
-        self.modes_tried = 0
         self.h = 0.0
         self.trial_steps = 0  # of steps, each of which other integrators take many for
-        # sampled: inputs at the samples, by order
         self.last_step = None
-        self.uniqueness_unknown = False
-        self.inputs_at_samples = {}
+        self.inputs_at_samples = {}  # by order of the mode
 
     now = property(lambda self: time_text(self.t))  # the present time in words
 
@@ -104,7 +98,7 @@ class LcsIntegrator:
         if status.ok:
             self.X[self.recorded :] = self.x
             self.P[self.recorded :] = self.total
-            if self.uniqueness_unknown:
+            if self.choice.uniqueness_unknown:
                 status = Status(
                     "unverified",
                     f"With more than {MAX_ENUMERATED_ROWS} rows that are neither of a P-matrix nor "
@@ -116,7 +110,7 @@ class LcsIntegrator:
             "h": float(self.h),
             "events": len(self.events),
             "restarts": self.arcs,
-            "inner_iterations": self.modes_tried,
+            "inner_iterations": self.choice.modes_tried,
             "loop": "host",
         }
         return Trajectory(
@@ -131,17 +125,6 @@ class LcsIntegrator:
             "mean",
             resolution=Resolution(),
         )
-
-    def _flow(self, rows):
-        """Return the flow with w = 0 on the rows, built once; None if they do not determine lam."""
-        if rows not in self.flows:
-            found = build_mode(self.system, rows)
-            self.flows[rows] = (
-                None
-                if found is None
-                else LinearFlow(found, self.inputs, self.options.method, self.tol)
-            )
-        return self.flows[rows]
 
     def _initial_sizes(self):
         """Estimate sizes of the states (n,), positive, and of the inputs u, q (n + m,).
@@ -292,105 +275,11 @@ class LcsIntegrator:
         return Status()
 
     def _choose_rows(self, band) -> Status:
-        """Choose the rows that continue the motion, fewest undecided signs first."""
-        flows = [f for f in (self._flow(rows) for rows in self._candidate_rows()) if f is not None]
-        self.modes_tried += len(flows)
-        flows = [f for f in flows if self._is_consistent(f, band)]
-        span = self.T - float(self.case.t[0])
-        fast = min([span, *(1.0 / f.fastest_rate for f in flows if f.fastest_rate > 0.0)])
-        times = fast * 10.0 ** np.arange(FIRST_TRIAL, 1.0 + np.log10(LONGEST_TRIAL * span / fast))
-        good = [
-            (left, len(f.mode.rows), f.mode.rows, f)
-            for f in flows
-            if (left := self._count_undecided(f, band, times)) is not None
-        ]
-        if not good:
-            return Status(
-                "infeasible",
-                f"At t = {self.now} no lambda continues the motion without a jump of the state.",
-            )
-        first, *others = (g[-1] for g in sorted(good, key=lambda g: g[:3]))
-        for other in others:
-            if self._motions_differ(first, other, times):
-                return Status(
-                    "degenerate",
-                    f"At t = {self.now} several motions continue (rows {list(first.mode.rows)} "
-                    f"or "
-                    f"{list(other.mode.rows)} act): the solution is not unique there.",
-                )
-        self.flow = first
-        return Status()
-
-    def _candidate_rows(self):
-        """List the sets of rows to try: all, or those of implicit steps of decreasing length."""
-        if self.m <= MAX_ENUMERATED_ROWS:
-            return [tuple(i for i in range(self.m) if (code >> i) & 1) for code in range(2**self.m)]
-        from nsbench.lcp import lemke
-
-        out = [] if self.flow is None else [self.flow.mode.rows]
-        span = self.T - float(self.case.t[0])
-        for h in span * 10.0 ** -np.arange(3.0, 9.0):
-            W = np.linalg.inv(np.eye(self.n) - h * self.system.A)
-            s = self.inputs(self.t + h, 0)[0]
-            z = W @ (self.x + h * s[: self.n])
-            G = h * W @ self.system.B
-            M = self.system.D + self.system.C @ G
-            r = self.system.C @ z + s[self.n :]
-            a, b = lemke.scales(M)
-            on = np.zeros(self.m, np.bool_)
-            lam = np.zeros(self.m)
-            if lemke.solve(M, r, a, b, on, lam, np.zeros(self.m))[0]:
-                out.append(tuple(int(i) for i in np.flatnonzero(lam > 0.0)))
-            if not self.uniqueness_unknown and not certainly_unique(M, G):
-                self.uniqueness_unknown = True
-        return list(dict.fromkeys(out))
-
-    def _is_consistent(self, flow, band) -> bool:
-        """Check that the state satisfies the constraints of the mode, with no lam or w negative."""
-        off, size = flow.constraint_residual(self.t, self.x, (self.state_size, self.input_size))
-        if np.any(np.abs(off) > band * size):
-            return False
-        x = flow.project(self.t, self.x, self.state_size)
-        f, size = flow.sign_functions_at(self.t, x, (self.state_size, self.input_size))
-        return bool(np.all(f >= -band * size))  # False where not finite
-
-    def _count_undecided(self, flow, band, times) -> int | None:
-        """Count the lam and w that vanish on the trial motions too; None if one turns negative."""
-        x = flow.project(self.t, self.x, self.state_size)
-        f, size = flow.sign_functions_at(self.t, x, (self.state_size, self.input_size))
-        signs = np.where(f > band * size, 1, 0)
-        for h in times:
-            if np.all(signs > 0):
-                break
-            f, clear, _ = self._trial(flow, x, h)
-            if not np.all(np.isfinite(f)):
-                return None
-            signs = np.where((signs == 0) & clear, np.sign(f), signs)
-            if np.any(signs < 0):
-                return None
-            if np.any(clear & (f < 0.0)):  # one that was positive: from here another set acts
-                break
-        return int(np.count_nonzero(signs == 0))
-
-    def _trial(self, flow, x, h):
-        """Return lam and w after the time h in this mode, a mask of those above rounding, x."""
-        X, _ = flow.collocate(self.t, x, h)
-        f, size = flow.sign_functions_at(
-            self.t + h, X[-1], (np.maximum(self.state_size, np.abs(X[-1])), self.input_size)
-        )
-        return f, np.abs(f) > ZERO_BAND * size, X[-1]
-
-    def _motions_differ(self, a, b, times) -> bool:
-        """Check whether the motions of two modes differ while both are admissible."""
-        xa, xb = (f.project(self.t, self.x, self.state_size) for f in (a, b))
-        for h in times:
-            fa, clear_a, ya = self._trial(a, xa, h)
-            fb, clear_b, yb = self._trial(b, xb, h)
-            if np.any(clear_a & (fa < 0.0)) or np.any(clear_b & (fb < 0.0)):
-                return False
-            if np.any(np.abs(ya - yb) > ZERO_BAND * self.state_size):
-                return True
-        return False
+        """Choose the rows that continue the motion from here; return ok, or why there are none."""
+        point = Point(self.t, self.x, (self.state_size, self.input_size))
+        flow, status = self.choice.choose(point, self.flow, band)
+        self.flow = flow if status.ok else self.flow
+        return status
 
 
 def _multipliers_at_nodes(F, rows):
