@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from nsbench.solvers.event_driven.smooth.arc import integrate_to_event
+from nsbench.solvers.event_driven.smooth.integrators import INTEGRATORS, Integrator
 from nsbench.solvers.event_driven.smooth.stall import STALL_STEPS, StallDetector
 
 
@@ -87,3 +88,29 @@ def test_steps_that_lead_nowhere_end_a_run():
         creeps(500 + k, 0.6 - 2.0**-k / 10.0) for k in range(300)
     )  # halved steps end by themselves
     assert any(creeps(800 + k, 0.6) for k in range(2 * STALL_STEPS))
+
+
+def test_an_integrator_of_ones_own_is_a_record_with_its_class(monkeypatch):
+    """A class that scipy.integrate has no name for: here RK23 with a count of its steps."""
+    from scipy.integrate import RK23
+
+    class Counting(RK23):
+        steps = 0
+
+        def step(self):
+            Counting.steps += 1
+            return super().step()
+
+    own = Integrator(lambda: Counting, defect=1e6, explicit=True)
+    monkeypatch.setitem(INTEGRATORS, "own", own)
+    arc = integrate_to_event(
+        lambda t, y: np.array([y[1], -y[0]]),
+        0.0,
+        np.array([1.0, 0.0]),
+        9.0,
+        lambda t, y: y[:1],
+        method="own",
+        rtol=1e-8,
+    )
+    assert arc.status.ok and Counting.steps >= arc.steps > 10
+    assert arc.fired.size and arc.t == pytest.approx(0.5 * np.pi, abs=1e-7)

@@ -1,10 +1,10 @@
 """Integrate a smooth differential equation up to the first of several events.
 
-SciPy's steppers take the steps. Every accepted step is split into pieces on which the functions of
-the case are proven to be smooth (see pieces), and events are roots of interpolants on the pieces
-(see crossings). Where a proof fails because of the way a function is written, the equation is
-tested at more points and steps are bounded. A step that missed something of the drift is refused:
-on the pieces that needed halving the path must satisfy the equation.
+The steppers of the table of integrators take the steps. Every accepted step is split into pieces
+on which the functions of the case are proven to be smooth (see pieces), and events are roots of
+interpolants on the pieces (see crossings). Where a proof fails because of the way a function is
+written, the equation is tested at more points and steps are bounded. A step that missed something
+of the drift is refused: on the pieces that needed halving the path must satisfy the equation.
 
 At an event the step is repeated with its end there, because the dense output is of lower order than
 the step. Steps also end at the sample times, for the same reason.
@@ -17,8 +17,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nsbench.case.scale import size_text, time_text
+from nsbench.case.scale import time_text
 from nsbench.solvers.event_driven.smooth.crossings import EventFunctions
+from nsbench.solvers.event_driven.smooth.failure_status import failed_step
 from nsbench.solvers.event_driven.smooth.integrators import INTEGRATORS, STIFF_INTEGRATOR
 from nsbench.solvers.event_driven.smooth.pieces import (
     shorter_step,
@@ -27,18 +28,13 @@ from nsbench.solvers.event_driven.smooth.pieces import (
 )
 from nsbench.solvers.event_driven.smooth.stall import STALL_MESSAGE, StallDetector
 from nsbench.solvers.event_driven.smooth.stepper import CountedFunction, take_step
+from nsbench.solvers.event_driven.smooth.stiffness import StiffnessDetector
 from nsbench.trajectory import Status
 
 # Part of the tolerance for one step: a run takes tens, and kinks of a drift deceive estimates.
 STEP_SHARE = 0.03
 MAX_REFUSALS = 40  # of steps in a row, each shorter than the one before
 UNPROVEN_PARTS = 64  # the longest step where nothing is proven is the arc over this
-# An equation is called stiff if it is STIFF_RATIO times faster than the solution in STIFF_STEPS
-# steps in a row and STIFF_REMAINING steps are still to come: then an implicit method is faster
-# (Hairer & Wanner 1996, section IV.2).
-STIFF_RATIO = 20.0
-STIFF_STEPS = 15
-STIFF_REMAINING = 2000
 _MIN_RTOL = 16 * np.finfo(float).eps  # tolerances below SciPy's own floor are raised to it
 
 
@@ -144,11 +140,9 @@ class _ArcIntegrator:
     """State of one arc: time, state, stepper settings and counts."""
 
     def __init__(self, problem: ArcProblem):
-        import scipy.integrate
-
         y0 = problem.y0
         self.integrator = INTEGRATORS[problem.method]
-        self.stepper = getattr(scipy.integrate, self.integrator.stepper)
+        self.stepper = self.integrator.load()
         # a stepper of a multistep method is new after each stop, also where radau took over later
         self.restart = self.integrator.multistep
         self.fun = CountedFunction(problem.rhs)
@@ -174,7 +168,7 @@ class _ArcIntegrator:
         self.steps = 0
         self.samples = []
         self.refusals = 0
-        self.stiff_steps = 0
+        self.stiffness = StiffnessDetector(problem.t_end)
         self.stalls = StallDetector(problem.t0, problem.t_end - problem.t0)
         self.unproven = 0
         self.refused = 0
@@ -254,7 +248,7 @@ class _ArcIntegrator:
         why = take_step(solver)
         self.steps += 1
         if why is not None or not np.all(np.isfinite(solver.y)):
-            return self._describe_failure(t_old, y_old), (), solver
+            return self._failure(t_old, y_old), (), solver
         dense = solver.dense_output()
         pieces = split_where_smooth(dense, t_old, solver.t, self.data)
         shorter = self._shorter_step(dense, pieces, t_old, solver.t)
@@ -269,7 +263,8 @@ class _ArcIntegrator:
                 return *self._land(t_old, y_old, *found), solver
         self.t = solver.t
         self.y = solver.y
-        if self.integrator.detects_stiffness and self._is_stiff(solver, t_old, y_old):
+        stages = self.integrator.end_stages
+        if stages is not None and self.stiffness(solver, stages, t_old, y_old):
             return Status(), np.empty(0), self._switch_to_implicit(solver)
         # the step was cut short by a sample, not by its error
         if wish is not None and solver.status == "finished" and solver.step_size < wish:
@@ -312,48 +307,19 @@ class _ArcIntegrator:
             return fresh
         return self._new_stepper(t, y, stop, h)
 
-    def _is_stiff(self, solver, t, y) -> bool:
-        """Check whether the equation, not the solution, bounds the steps of DOP853.
-
-        Both speeds follow from the two stages at the end of the step.
-        """
-        h = solver.t - t
-        stage = y + h * (solver.A[11, :11] @ solver.K[:11])
-        fast = np.linalg.norm(solver.K[12] - solver.K[11]) / np.linalg.norm(solver.y - stage)
-        slow = np.linalg.norm(solver.K[12] - solver.K[0]) / (
-            h * max(np.linalg.norm(solver.K[12]), np.linalg.norm(solver.K[0]))
-        )
-        stiff = fast > STIFF_RATIO * slow and np.isfinite(fast)
-        self.stiff_steps = self.stiff_steps + 1 if stiff else max(self.stiff_steps - 1, 0)
-        remaining = self.t_end - solver.t
-        return self.stiff_steps >= STIFF_STEPS and remaining > STIFF_REMAINING * h
-
     def _switch_to_implicit(self, solver):
         """Return an implicit stepper from the present state."""
-        import scipy.integrate
-
         self.integrator = INTEGRATORS[STIFF_INTEGRATOR]
-        self.stepper = getattr(scipy.integrate, self.integrator.stepper)
+        self.stepper = self.integrator.load()
         if self.project is not None:
             y = self.project(self.t, self.y)
             self.y = self.y if y is None else y
         stop = solver.t_bound if self.t < solver.t_bound else self.t_end
         return self._new_stepper(self.t, self.y, stop)
 
-    def _describe_failure(self, t, y) -> Status:
-        """Describe why a step from (t, y) failed."""
-        if np.abs(y).max(initial=0.0) > 1e6 * self.start_size:
-            return Status(
-                "diverged", f"The state grew to {size_text(np.abs(y).max())} at t = {time_text(t)}."
-            )
-        ahead = t + 1e-9 * (self.t_end - t)
-        if not np.all(np.isfinite(self.fun(ahead, y + (ahead - t) * self.fun(t, y)))):
-            return Status("nan", f"The right-hand side is not finite after t = {time_text(t)}.")
-        return Status(
-            "degenerate",
-            f"The step size fell below rounding at t = {time_text(t)}: the solution is not smooth, "
-            "or the equation too stiff for this method.",
-        )
+    def _failure(self, t, y) -> Status:
+        """Return the status of a step from (t, y) that failed."""
+        return failed_step(self.fun, t, y, self.t_end, self.start_size)
 
     def _land(self, t_old, y_old, t, i, slope):
         """Repeat the step with its end at the event; return its status and the function that fired.
@@ -381,7 +347,7 @@ class _ArcIntegrator:
             t = t + move
             y = again
         if y is None:
-            return self._describe_failure(t_old, y_old), ()
+            return self._failure(t_old, y_old), ()
         if self.project is not None:
             better = self.project(t, y)
             y = y if better is None else better
