@@ -98,7 +98,7 @@ def plan_compiled_run(
 def why_in_python(options, constraints: ConstraintSet) -> str:
     """Say why `plan_compiled_run` has no compiled run for a case."""
     if options.method != "dop853":
-        return f"method={options.method} was asked for"
+        return f"method={options.method} is set, and the compiled loop has its own integrator"
     if constraints.moving:
         return "constraints move"
     if any(isinstance(c, Smooth) for c in constraints.families):

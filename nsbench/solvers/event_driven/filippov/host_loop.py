@@ -42,16 +42,16 @@ LOST_WEIGHT = 1e3  # bound on event functions of weights: beyond, they are infin
 
 
 def prepare(case: Case, options, tol: float) -> Run:
-    """Prepare a run of a Filippov case; options are EventDriven's, tol is the tolerance of the
-    arcs.
+    """Prepare a run of a Filippov case; options: EventDriven's, tol: the tolerance of the arcs.
 
-    Its trajectory has the integrals of theta and the events enter, exit and cross with contact (0,
-    i).
+    Its trajectory has the integrals of theta; events enter, exit and cross have contact (0, i).
     """
     field = FilippovVectorField(case.problem, float(case.t[0]), case.x0)
     compiled = None
-    reason = f"method={options.method}, compiled={str(options.compiled).lower()} was asked for"
-    if options.method == "dop853" and options.compiled:
+    reason = "" if options.compiled else "compiled=false is set"
+    if options.method != "dop853":
+        reason = f"method={options.method} is set, and the compiled loop has its own integrator"
+    if not reason:
         try:
             programs = trace_programs(case.problem, field.d, float(case.t[0]), case.x0)
             compiled = CompiledLoop(programs, case, options, tol)
