@@ -31,7 +31,8 @@ class Check:
     name: value of the column `check`, e.g. "late_exit". problem: the problem classes that are
     checked. find: the check itself; the first lines of its docstring are its entry in
     docs/statuses.md. gives: the statuses its findings can have. even_if_exact: the check acts on
-    cases with a closed form too, whose errors are measured anyway.
+    cases with a closed form too, whose errors are measured anyway. criterion: when it finds
+    something, as an inequality in words, with the thresholds of its module.
     """
 
     name: str
@@ -39,6 +40,13 @@ class Check:
     find: Callable[[RunView], Finding | None]
     gives: tuple[str, ...]
     even_if_exact: bool = False
+    criterion: str = ""
+
+    @property
+    def source(self) -> str:
+        """Return the file of the function, from the root of the repository."""
+        function = getattr(self.find, "func", self.find)  # a method binds its options by `partial`
+        return f"{function.__module__.replace('.', '/')}.py"
 
     def applies_to(self, run: RunView) -> bool:
         """Is the run one of a problem that is checked, and its solution not known exactly?"""

@@ -1,5 +1,6 @@
 """The registry of checks: names, statuses, precedence, and the page that is generated from it."""
 
+import ast
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,11 +10,12 @@ import pytest
 import nsbench
 from nsbench import Affine, Case, Complementarity, solvers
 from nsbench.diagnostics import CHECKS, Check, Finding, RunView, diagnose
+from nsbench.solvers.event_driven.method import EventDriven
 from nsbench.solvers.nosnoc.method import Nosnoc
 from nsbench.study import status_page
 from nsbench.trajectory import STATUSES, Resolution, Status, Trajectory
 
-ALL = (*CHECKS, *Nosnoc().checks)
+ALL = (*CHECKS, *EventDriven().checks, *Nosnoc().checks)
 PAGE = Path(__file__).parents[2] / "docs" / "statuses.md"
 
 
@@ -42,6 +44,22 @@ def test_names_are_unique_and_statuses_are_of_the_closed_list():
 
 def test_the_committed_page_is_current():
     assert PAGE.read_text(encoding="utf-8") == status_page.generate_status_page()
+
+
+@pytest.mark.parametrize("check", ALL, ids=lambda c: c.name)
+def test_a_check_tells_its_criterion_and_its_file(check):
+    source = (PAGE.parents[1] / check.source).read_text(encoding="utf-8")
+    find = getattr(check.find, "func", check.find)
+    assert check.criterion and f"def {find.__name__}(" in source
+
+
+@pytest.mark.parametrize("entry", status_page.WITHOUT_CHECK, ids=lambda e: e.sentence[:40])
+def test_statuses_without_a_check_stand_in_the_file_that_is_named(entry):
+    """As string constants next to each other, which the parser joins."""
+    tree = ast.parse((PAGE.parents[1] / entry.source).read_text(encoding="utf-8"))
+    words = (n.value for n in ast.walk(tree) if isinstance(n, ast.Constant))
+    assert entry.status in STATUSES
+    assert any(entry.sentence in w for w in words if isinstance(w, str))
 
 
 def test_a_finding_names_its_check_and_those_of_the_method_come_first():

@@ -78,4 +78,13 @@ def check_amplified_error(run: RunView) -> Finding | None:
     )
 
 
-CHECKS = (Check("amplified_error", ANY_PROBLEM, check_amplified_error, ("unverified",)),)
+CHECKS = (
+    Check(
+        "amplified_error",
+        ANY_PROBLEM,
+        check_amplified_error,
+        ("unverified",),
+        criterion=f"difference of the runs > {ERRORS_APART:g} x {CLAIM:g} of the state, at tol = "
+        f"{DEFAULT:g} and below; at larger ones in proportion",
+    ),
+)

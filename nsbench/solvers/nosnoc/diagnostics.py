@@ -40,6 +40,7 @@ def checks_of(method: Nosnoc) -> tuple[Check, ...]:
             partial(check_step_tolerance, method),
             unverified,
             even_if_exact=True,
+            criterion=f"steps x tolerance of IPOPT > {LEAK:g} comp_tol x motion",
         ),
         Check(
             "nosnoc_weak_push",
@@ -47,6 +48,7 @@ def checks_of(method: Nosnoc) -> tuple[Check, ...]:
             partial(check_weak_push, method),
             ("infeasible",),
             even_if_exact=True,
+            criterion=f"violation > {SUNK:g} of the motion, at most of 1",
         ),
         Check(
             "nosnoc_leaking_push",
@@ -54,6 +56,7 @@ def checks_of(method: Nosnoc) -> tuple[Check, ...]:
             partial(check_leaking_push, method),
             unverified,
             even_if_exact=True,
+            criterion=f"displacement by it > {LEAK:g} comp_tol x motion, at most x 1",
         ),
         Check(
             "nosnoc_unresolved_switch",
@@ -61,6 +64,9 @@ def checks_of(method: Nosnoc) -> tuple[Check, ...]:
             partial(check_unresolved_switch, method),
             unverified,
             even_if_exact=True,
+            criterion=f"change of the switch <= {RESOLVED:g} comp_tol, or it is flat within "
+            "comp_tol, or the state is kept sqrt(2 comp_tol x change) off a surface, or fields "
+            f"beyond one push it by > {LEAK:g} comp_tol x motion",
         ),
     )
 
