@@ -96,7 +96,7 @@ def _computed(case: Case, traj: Trajectory) -> Bars:
     own = scaled_case(case)
     try:
         # matrices are small: threads of BLAS would cost ten times what they compute
-        with np.errstate(all="ignore"), own.speaking(), threadpool_limits(1, "blas"):
+        with np.errstate(all="ignore"), own.in_user_units(), threadpool_limits(1, "blas"):
             found = _in_own_units(own.case, own.scaled(traj))
     except Exception as e:  # a drift may raise anything at a state near those of the run
         return Bars.none(traj.t, f"They could not be computed: {type(e).__name__}: {e}")

@@ -34,7 +34,7 @@ def further_runs(
     """
     by_pair: dict[tuple, list[Spec]] = {}
     for spec in specs:
-        if math.isfinite(spec.asked) and not spec.nudge:
+        if math.isfinite(spec.asked) and not spec.start_seed:
             by_pair.setdefault((spec.case, spec.solver), []).append(spec)
     out = []
     for pair, summary in summarise(build(columns_of(rows))).items():

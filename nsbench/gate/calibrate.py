@@ -57,7 +57,7 @@ def calibrate(folder: Path, args, say, files: UserFiles = NO_FILES) -> int:
             f"with --cases, or in nsbench.toml)"
         )
     passes = [
-        ([replace(s, nudge=seed) for s in specs], 1, f"starts 1e-12 apart, {seed}")
+        ([replace(s, start_seed=seed) for s in specs], 1, f"starts 1e-12 apart, {seed}")
         for seed in SEEDS
     ]
     passes.append((specs, THREADS, f"{THREADS} threads"))

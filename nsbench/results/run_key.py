@@ -1,6 +1,6 @@
 """Key under which a run is stored: a digest of everything that can change its numbers.
 
-key = digest(case, solver, accuracy, value, nudge; common part, solver part, case part)
+key = digest(case, solver, accuracy, value, start_seed; common part, solver part, case part)
 
 Each part is a list of items with their digests or values:
 
@@ -97,7 +97,7 @@ class Part:
 
 def key_of(spec: Spec, parts: tuple[Part, ...]) -> str:
     """Return the key of a run: 64 hexadecimal digits."""
-    requested = [spec.case, spec.solver, spec.accuracy, repr(float(spec.asked)), spec.nudge]
+    requested = [spec.case, spec.solver, spec.accuracy, repr(float(spec.asked)), spec.start_seed]
     return disk_cache.digest(json.dumps([requested, [p.digest for p in parts]]))
 
 

@@ -214,11 +214,11 @@ def solve(case: Case | str, solver: str = "event_driven", **accuracy: float) -> 
         if isinstance(run, Trajectory):
             return run
     found = run()
-    restored = run.restored(found)
-    wrong = returned_violation(case, restored)
+    converted = run.to_user_units(found)
+    wrong = returned_violation(case, converted)
     if wrong:
         raise TypeError(f"{solver} on {case.key}: {wrong}")
-    checked = run.told(found, restored)
+    checked = run.add_status_and_bars(found, converted)
     if is_kept:
         _prepared.put(key, case.n * len(case.t), run)
     return checked

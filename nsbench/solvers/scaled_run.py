@@ -1,4 +1,4 @@
-"""Run of a method on a case in the case's own units, checked there, told in the user's.
+"""Run a method on a case in the case's own units, check it there, return it in the user's.
 
 A method that says `scaled = True` gets the case in units of its own (nsbench.dynamics.scaling), so
 that its constants mean the same in every unit. The others, whose arithmetic is homogeneous or whose
@@ -44,7 +44,7 @@ class Checked:
 class ScaledRun:
     """A prepared run of a method, to be called for its trajectory in the units it works in.
 
-    `restored` and `checked` are outside of what the clock measures.
+    `to_user_units` and `check_and_convert` are outside of what the clock measures.
     """
 
     def __init__(self, method: Solver, case: Case, accuracy: float):
@@ -64,12 +64,12 @@ class ScaledRun:
             return
         self.own = scaled_case(self._from_feasible_start(), scale)
         value = self.own.accuracy(self.method.accuracy, self.asked)
-        with self.own.speaking():
+        with self.own.in_user_units():
             prepared = self.method.prepare(with_own_switches(self.own.case), value)
             self.run = _callable_run(self.method, prepared)
 
     def _from_feasible_start(self) -> Case:
-        """Return the case from where its policy for starts puts it, all told in the user's units.
+        """Return the case from where its policy for starts puts it, in the user's units.
 
         Raises what nsbench.solvers.common.initial_state raises.
         """
@@ -86,7 +86,7 @@ class ScaledRun:
         """
         if not self.is_scaled:
             return self.run()
-        with self.own.speaking():
+        with self.own.in_user_units():
             traj = self.run()
         if not isinstance(traj, Trajectory):  # reported by whoever asked for the run
             return traj
@@ -95,7 +95,7 @@ class ScaledRun:
             return traj
         self.has_found = True
         self.prepare(scale_of_sizes(self.case, found))
-        with self.own.speaking():
+        with self.own.in_user_units():
             return self.run()
 
     def _overestimated(self, traj: Trajectory) -> np.ndarray | None:
@@ -114,19 +114,22 @@ class ScaledRun:
         found = np.where(found > AT_REST, found, 1.0)
         return None if np.all(found * TOO_LARGE > 1.0) else found * self.own.state
 
-    def restored(self, traj: Trajectory) -> Trajectory:
-        """Return the trajectory in the units of the user."""
+    def to_user_units(self, traj: Trajectory) -> Trajectory:
+        """Convert the trajectory to the units of the user."""
         restores = self.is_scaled and isinstance(traj, Trajectory)
         return self.own.restored(traj, self.case.t) if restores else traj
 
-    def checked(self, traj: Trajectory) -> Trajectory:
-        """Return the trajectory, in the units of the user, with the status of the checks."""
-        return self.told(traj, self.restored(traj))
+    def check_and_convert(self, traj: Trajectory) -> Trajectory:
+        """Check the trajectory, and return it in the units of the user with its error bars."""
+        return self.add_status_and_bars(traj, self.to_user_units(traj))
 
-    def told(self, traj: Trajectory, restored: Trajectory) -> Trajectory:
-        """Return a restored trajectory with the status of the checks and its error bars."""
-        known = self.examined(traj)
-        out = dataclasses.replace(restored, status=known.status)
+    def add_status_and_bars(self, traj: Trajectory, converted: Trajectory) -> Trajectory:
+        """Check a trajectory; return it, converted to the user's units, with status and error bars.
+
+        traj: in the units that the method works in.
+        """
+        known = self.run_checks(traj)
+        out = dataclasses.replace(converted, status=known.status)
         return dataclasses.replace(out, bound=self._bars(out, known.pair))
 
     def _pair(self, traj: Trajectory) -> ErrorBars:
@@ -135,17 +138,17 @@ class ScaledRun:
 
         return tolerance_pair(self.method, with_own_switches(self.own.case), traj, self.asked)
 
-    def _bars(self, told: Trajectory, pair: ErrorBars | None) -> ErrorBars | None:
-        """Return the error bars of a run as it is told, where the method has any."""
+    def _bars(self, traj: Trajectory, pair: ErrorBars | None) -> ErrorBars | None:
+        """Return the error bars of a run in the user's units, where the method has any."""
         if pair is not None:
             own = self.own
-            return ErrorBars(lambda: restored_bars(pair.made, told.t, own))
-        if told.bound is None and getattr(self.method, "has_error_bars", False):
-            return error_bars(self.case, told)
-        return told.bound
+            return ErrorBars(lambda: restored_bars(pair.made, traj.t, own))
+        if traj.bound is None and getattr(self.method, "has_error_bars", False):
+            return error_bars(self.case, traj)
+        return traj.bound
 
-    def examined(self, traj: Trajectory) -> Checked:
-        """Return the status of the trajectory after the checks, and what was compared for them.
+    def run_checks(self, traj: Trajectory) -> Checked:
+        """Check the trajectory; return its status, and what was compared for it.
 
         Checks depend on case and trajectory alone: one that has the bytes of the last is not
         checked again.
@@ -159,7 +162,7 @@ class ScaledRun:
         if getattr(self.method, "has_tolerance_pair", False) and traj.status.ok:
             pair = self._pair(in_own_units)
             in_own_units = dataclasses.replace(in_own_units, bound=pair)
-        with own.speaking():
+        with own.in_user_units():
             status = diagnose(own.case, in_own_units, getattr(self.method, "checks", ())).status
         self.last_checked = Checked(traj, self.own, status, pair)
         return self.last_checked

@@ -74,7 +74,7 @@ def timed_again(spec: Spec, row: dict) -> bool:
 
     return (
         row["status"] in ("ok", "below_reference")
-        and not spec.nudge
+        and not spec.start_seed
         and clock.rounds_of(row["seconds"]) > 1
     )
 
@@ -113,7 +113,7 @@ def _attempt(spec, announce):
         if why:
             return row | _status(Status("refused", why)), None
         start = perturbed_start(
-            case, spec.nudge
+            case, spec.start_seed
         )  # measured against the solution from the case's own start
         run, spent = clock.prepared(lambda: ScaledRun(method, start, spec.asked))
         row |= spent
@@ -125,21 +125,21 @@ def _attempt(spec, announce):
         return row | _status(_raised(e)), None
     announce("measure")
     try:
-        traj = run.restored(found)
+        traj = run.to_user_units(found)
         wrong = contract_violation(start, traj, spec.accuracy, spec.asked)
         if wrong:
             return row | _status(Status("error", wrong)), None
         row |= _solver_columns(spec, case, traj)
         from nsbench.measure import errors
 
-        traj = run.checked(found)
-        if spec.nudge:  # how far the measured numbers spread is asked, no error bar
+        traj = run.check_and_convert(found)
+        if spec.start_seed:  # how far the measured numbers spread is asked, no error bar
             traj = dataclasses.replace(traj, bound=None)
         row |= _status(traj.status) | errors(case, traj)
         row |= _below(row)
     except Exception as e:  # a solver may return anything
         return row | _status(_raised(e, "The run ended, measuring it did not: ")), None
-    return row, run if traj.status.ok and not spec.nudge else None
+    return row, run if traj.status.ok and not spec.start_seed else None
 
 
 def _solver_columns(spec: Spec, case: Case, traj: Trajectory) -> dict:

@@ -29,7 +29,7 @@ class Spec:
     refused).
 
     accuracy: name of the solver's accuracy parameter ("h", "tol", "k", "eps"); asked: its value.
-    nudge: a seed; other than 0 the run starts START_PERTURBATION away from the case's start, in a
+    start_seed: a seed; other than 0 the run starts START_PERTURBATION away from the case's start, in a
     direction drawn with the seed, and is not timed.
     parts: digests of the parts of the run's key (nsbench.results.run_key) on the machine that
     requests it, for a process that computes it elsewhere.
@@ -41,7 +41,7 @@ class Spec:
     asked: float
     file: str = ""  # case file outside the package
     solver_files: tuple[str, ...] = ()
-    nudge: int = 0
+    start_seed: int = 0
     references: str = dataclasses.field(default="", compare=False)  # folder, of a case file
     parts: tuple[str, ...] = dataclasses.field(default=(), compare=False, repr=False)
 

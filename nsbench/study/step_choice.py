@@ -125,7 +125,7 @@ def _by_claim(case, spec, method, demand) -> Choice:
     has_bars = getattr(method, "tol", None) is not None
     asked = min(method.default, demand.error) if has_bars else method.default
     run = ScaledRun(method, case, asked)
-    traj = run.checked(run())
+    traj = run.check_and_convert(run())
     if not traj.status.ok:
         return Choice(spec, "tol", why=str(traj.status))
     size = max(1.0, float(np.max(case_scale(case).state)))
@@ -184,7 +184,7 @@ class _Search:
     def _tried(self, value: float) -> tuple[ScaledRun, Choice, float]:
         """Run with this accuracy; return the run, what it is worth, and error over demand."""
         run = ScaledRun(self.method, self.case, value)
-        traj = run.checked(run())
+        traj = run.check_and_convert(run())
         known = Choice(self.spec, self.method.accuracy, why=str(traj.status))
         if not traj.status.ok:
             return run, known, math.inf
@@ -217,7 +217,7 @@ class _Search:
 
         finer = 2.0 * value if self.by_stiffness else 0.5 * value
         other = ScaledRun(self.method, self.case, finer)
-        half = other.checked(other())
+        half = other.check_and_convert(other())
         if not half.status.ok:
             return None
         state = 2.0 * np.linalg.norm(traj.x - half.x, axis=1)

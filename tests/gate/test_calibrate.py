@@ -30,7 +30,7 @@ def test_a_nudged_start_is_near_and_the_same_for_the_same_seed():
 
 def test_nudged_runs_are_measured_against_the_solution_from_the_own_start():
     plain, away = (
-        attempt(study.Spec("three_discs", "pbd", "h", 0.01, nudge=seed)) for seed in (0, 1)
+        attempt(study.Spec("three_discs", "pbd", "h", 0.01, start_seed=seed)) for seed in (0, 1)
     )
     assert away[1] is None, "a nudged run is not timed"
     assert (

@@ -243,7 +243,7 @@ def test_what_was_asked_for_versions_and_settings_are_part_of_a_key(monkeypatch)
     for change in (
         {"asked": 0.02},
         {"solver": "pbd[sweeps=2]"},
-        {"nudge": 1},
+        {"start_seed": 1},
         {"case": "tide[a=1]"},
     ):
         assert key(dataclasses.replace(asked, **change)) != base

@@ -14,7 +14,7 @@ MAX_COLUMNS = 100
 MAX_LINES = 400  # of a file
 MAX_FUNCTION = 60  # lines
 MAX_FILES = 20  # of a folder
-KERNEL_ROOMS = ("linalg", "lcp")  # compiled throughout, beside all folders named kernels
+KERNEL_FOLDERS = ("linalg", "lcp")  # compiled throughout, beside all folders named kernels
 # what a kernel may import beside other kernels
 KERNEL_LIBRARIES = {"__future__", "collections", "enum", "numba", "numpy", "typing", "math"}
 # arrays, not tuples, whose entries are taken by number: of a box, of a program, of a layout
@@ -29,7 +29,7 @@ def name(path):
 
 def is_kernel(path):
     parts = path.relative_to(PACKAGE).parts
-    return "kernels" in parts[:-1] or parts[0] in KERNEL_ROOMS
+    return "kernels" in parts[:-1] or parts[0] in KERNEL_FOLDERS
 
 
 def module_of(path):

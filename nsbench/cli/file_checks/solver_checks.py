@@ -68,7 +68,9 @@ def _check_run(case: Case, method: Solver) -> list[str]:
     """Check one run against the contract, and that it depends on nothing but its input."""
     runs = [ScaledRun(method, case, method.default) for _ in range(2)]
     found = [runs[0](), runs[0](), runs[1]()]
-    wrong = contract_violation(case, runs[0].restored(found[0]), method.accuracy, method.default)
+    wrong = contract_violation(
+        case, runs[0].to_user_units(found[0]), method.accuracy, method.default
+    )
     if wrong:
         return [f"{case.key}: {wrong}"]
     for other, when in zip(found[1:], ("is called again", "is prepared again"), strict=True):
@@ -78,7 +80,7 @@ def _check_run(case: Case, method: Solver) -> list[str]:
                 f"{case.key}: {differing} when the run {when}: it must depend on nothing but case, "
                 f"options and accuracy (no state kept, random numbers from a fixed seed)"
             ]
-    return _check_contacts(case, runs[0].restored(found[0]))
+    return _check_contacts(case, runs[0].to_user_units(found[0]))
 
 
 def _difference(one: Trajectory, other: Trajectory) -> str:

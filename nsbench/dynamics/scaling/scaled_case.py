@@ -52,8 +52,8 @@ class ScaledCase:
         stiffness = self.gap / self.multiplier
         return {"h": value / self.time, "k": value * stiffness}.get(name, value)
 
-    def speaking(self):
-        """Let sentences that are made within speak in the units of the user."""
+    def in_user_units(self):
+        """Write sentences that are made within, of times and sizes, in the units of the user."""
         return in_units(self.origin, self.time, float(np.max(self.state)))
 
     def scaled(self, traj: Trajectory) -> Trajectory:

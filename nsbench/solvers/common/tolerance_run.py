@@ -90,7 +90,7 @@ class ToleranceRun:
             if k == len(self.prepared):
                 self.prepared.append(ScaledRun(self.method, self.case, h))
             run = self.prepared[k]
-            traj = run.restored(run())
+            traj = run.to_user_units(run())
             done.append(traj)
             bars = error_bars(self.case, traj).made
             error = float(np.max(bars.state))

@@ -10,8 +10,19 @@ do the same sweep with the same bits:
     kernels/neighbor_loop.py   hard particles by neighbour lists
     kernels/cell_loop.py       one family of hard particles, stored by cells: the fastest
 
-The projection of a pair is written four times: projection.py, cell_sweep.py (any dimension, and
-equal discs), and pbd_jax/program.py.
+A change of the projection is made in all of these places; tests compare their bits or values:
+
+    rows       kernels/projection.project_row, kernels/cell_sweep.project_stored_row,
+               pbd_jax/program._project_rows
+    pairs      kernels/projection.project_pair, kernels/cell_sweep.project_stored_pair (any
+               dimension), kernels/cell_sweep.sweep_discs (equal discs in the plane, inlined),
+               pbd_jax/program._project_pairs
+    anchors    kernels/projection.project_anchor
+    smooth     host_loop.project_smooth
+
+Copies that follow none of these, as they are for something else: the baseline kdtree
+(kdtree/kernels/pair_sweep.py, kdtree/method._jacobi), the study of chains
+(studies/chain/large_steps.project_pair), and the linearised sweep (studies/packings/linear_sweep).
 """
 
 from __future__ import annotations
@@ -175,16 +186,16 @@ class PBD(StepOrTolerance):
         ((k, c, m),) = scene.hard
         radii = scene.radii[k]
         data = CellScene(
-            AffineRows(scene.ptr, scene.cols, scene.vals, scene.inv2),
-            scene.b(float(case.t[0])),
-            radii[:1].copy() if np.all(radii == radii[0]) else radii,
-            hard_ranks(scene, self.order, x0),
-            np.array([(k, 0), *zip(*_first_rows(scene), strict=True)], np.int64),
-            c.dim,
-            scene.moving,
-            self.rank,
-            self.seed,
-            record,
+            rows=AffineRows(scene.ptr, scene.cols, scene.vals, scene.inv2),
+            b=scene.b(float(case.t[0])),
+            r=radii[:1].copy() if np.all(radii == radii[0]) else radii,
+            ranks=hard_ranks(scene, self.order, x0),
+            families=np.array([(k, 0), *zip(*_first_rows(scene), strict=True)], np.int64),
+            dim=c.dim,
+            moving=scene.moving,
+            order=self.rank,
+            seed=self.seed,
+            record=record,
         )
         return data, m
 

@@ -174,16 +174,16 @@ def pair_lists(scene, order):
     x = scene.x0.ravel()
     n = len(scene.x0)
     data = cell_storage.CellScene(
-        AffineRows(np.zeros(1, np.int64), np.empty(0, np.int64), np.empty(0), np.empty(0)),
-        np.empty(0),
-        np.ones(1),
-        np.empty(0, np.int64),
-        np.zeros((1, 2), np.int64),
-        2,
-        False,
-        {"sorted": SORTED, "coloured": COLOURED}[order],
-        0,
-        True,
+        rows=AffineRows(np.zeros(1, np.int64), np.empty(0, np.int64), np.empty(0), np.empty(0)),
+        b=np.empty(0),
+        r=np.ones(1),
+        ranks=np.empty(0, np.int64),
+        families=np.zeros((1, 2), np.int64),
+        dim=2,
+        moving=False,
+        order={"sorted": SORTED, "coloured": COLOURED}[order],
+        seed=0,
+        record=True,
     )
     state = cell_loop.cell_state(n, x.size)
     state.y[:] = x
@@ -202,7 +202,7 @@ def ours(start, lists):
     """A run of our sweep over the list, certificate and records included; returns the positions."""
     from nsbench.dynamics.contacts.kernels.contact_arrays import AffineRows
     from nsbench.solvers.pbd.kernels.cell_storage import PairImpulses
-    from nsbench.solvers.pbd.kernels.cell_sweep import sweep
+    from nsbench.solvers.pbd.kernels.cell_sweep import sweep_stored
 
     rows = AffineRows(np.zeros(1, np.int64), np.empty(0, np.int64), np.empty(0), np.empty(0))
     m = lists[0].size
@@ -215,7 +215,7 @@ def ours(start, lists):
 
     def run():
         y[:] = start
-        sweep(active, y, base, np.ones(1), 2, rows, rows.inv2, 0.0625, log_at, log_mu, True)
+        sweep_stored(active, y, base, np.ones(1), 2, rows, rows.inv2, 0.0625, log_at, log_mu, True)
         return y
 
     return run

@@ -33,7 +33,7 @@ from nsbench.solvers.pbd.kernels.cell_storage import (
     no_impulses,
     rebuild,
 )
-from nsbench.solvers.pbd.kernels.cell_sweep import drift, farthest, settle, sweep
+from nsbench.solvers.pbd.kernels.cell_sweep import drift, farthest, settle, sweep_stored
 from nsbench.solvers.pbd.kernels.loop_result import LoopResult
 from nsbench.solvers.pbd.kernels.skin_control import (
     HALF,
@@ -201,9 +201,9 @@ def renew_list(
 
 @njit(cache=True)
 def sweep_active(scene, state, lists, active, certified) -> tuple[int, bool, bool]:
-    """Sweep over the active candidates; returns as cell_sweep.sweep."""
+    """Sweep over the active candidates; returns as cell_sweep.sweep_stored."""
     arrays = lists.arrays
-    return sweep(
+    return sweep_stored(
         active_candidates(arrays, active),
         state.y,
         state.active_base,

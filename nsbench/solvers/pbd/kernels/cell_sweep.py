@@ -83,7 +83,9 @@ def settle(
 
 
 @inner_kernel
-def project_row(y: np.ndarray, s: int, q: int, rows: AffineRows, b: np.ndarray, dim: int) -> float:
+def project_stored_row(
+    y: np.ndarray, s: int, q: int, rows: AffineRows, b: np.ndarray, dim: int
+) -> float:
     """Project particle s of y (n dim,) on row q, as projection.project_row; returns mu."""
     g = b[q]
     for e in range(rows.ptr[q], rows.ptr[q + 1]):
@@ -97,7 +99,7 @@ def project_row(y: np.ndarray, s: int, q: int, rows: AffineRows, b: np.ndarray, 
 
 
 @inner_kernel
-def is_beyond(y: np.ndarray, base: np.ndarray, s: int, dim: int, limit2: float) -> bool:
+def is_stored_beyond(y: np.ndarray, base: np.ndarray, s: int, dim: int, limit2: float) -> bool:
     """Return whether particle s of y (n dim,) is farther than sqrt(limit2) from its place in
     base."""
     far = 0.0
@@ -108,7 +110,7 @@ def is_beyond(y: np.ndarray, base: np.ndarray, s: int, dim: int, limit2: float) 
 
 
 @inner_kernel
-def project_pair(y: np.ndarray, p: int, q: int, d: float, dim: int) -> float:
+def project_stored_pair(y: np.ndarray, p: int, q: int, d: float, dim: int) -> float:
     """Project particles p, q of y (n dim,) on |x_p - x_q| >= d.
 
     Returns mu, half the overlap, negative where centres coincide.
@@ -136,7 +138,7 @@ def project_pair(y: np.ndarray, p: int, q: int, d: float, dim: int) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def sweep(
+def sweep_stored(
     active: PairImpulses,
     y: np.ndarray,
     base: np.ndarray,
@@ -165,9 +167,9 @@ def sweep(
         p = active.i[c]
         q = active.j[c]
         if q >= 0:
-            m = project_pair(y, p, q, 2.0 * r[0] if r.size == 1 else r[p] + r[q], dim)
+            m = project_stored_pair(y, p, q, 2.0 * r[0] if r.size == 1 else r[p] + r[q], dim)
         else:
-            m = project_row(y, p, -1 - q, rows, b, dim)
+            m = project_stored_row(y, p, -1 - q, rows, b, dim)
         if m == 0.0:
             continue
         tied = tied or m < 0.0
@@ -176,7 +178,9 @@ def sweep(
             log_mu[k] = active.mu[c]
             active.mu[c] += abs(m)
         k += 1
-        if is_beyond(y, base, p, dim, limit2) or (q >= 0 and is_beyond(y, base, q, dim, limit2)):
+        if is_stored_beyond(y, base, p, dim, limit2) or (
+            q >= 0 and is_stored_beyond(y, base, q, dim, limit2)
+        ):
             return k, tied, True
     return k, tied, False
 
@@ -198,10 +202,10 @@ def sweep_discs(
     tied = False
     for c in range(i.size):
         if j[c] < 0:
-            m = project_row(y, i[c], -1 - j[c], rows, b, 2)
+            m = project_stored_row(y, i[c], -1 - j[c], rows, b, 2)
             if m == 0.0:
                 continue
-            broken = is_beyond(y, base, i[c], 2, limit2)
+            broken = is_stored_beyond(y, base, i[c], 2, limit2)
         else:
             p = two * np.uint64(i[c])
             q = two * np.uint64(j[c])
