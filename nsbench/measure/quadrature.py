@@ -1,4 +1,8 @@
-"""Quadrature over sample intervals of a function known at the samples, with error bounds."""
+"""Quadrature over sample intervals of a function known at the samples, with error estimates.
+
+The function is known at the k samples alone: no bound of its error can be had from them. Both
+estimates assume that it moves between samples as it does from sample to sample nearby.
+"""
 
 from __future__ import annotations
 
@@ -10,9 +14,11 @@ NODES = 6
 
 
 def kinked_intervals(t: np.ndarray, changed: np.ndarray, events: Iterable[float]) -> np.ndarray:
-    """Mark the intervals (k - 1,) inside which x' may jump.
+    """Mark the intervals (k - 1,) inside which x' may jump, as a mask.
 
-    Those on both sides of a change of pattern, changed (k - 2,), and those with an event.
+    Those on both sides of a change of pattern, and those with an event. t (k,): the samples;
+    changed (k - 2,): mask of the inner samples, between whose two intervals the pattern changes;
+    events: times.
     """
     kinked = np.zeros(len(t) - 1, bool)
     kinked[:-1] |= changed
@@ -25,20 +31,21 @@ def kinked_intervals(t: np.ndarray, changed: np.ndarray, events: Iterable[float]
 def integrals(t: np.ndarray, F: np.ndarray, kinked: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Integrate F (k, n) over the intervals of t (k,).
 
-    Returns the integrals and bounds (k - 1, n) of their error.
+    kinked (k - 1,): mask of the intervals inside which F may jump or have a kink. Returns the
+    integrals (k - 1, n) and estimates (k - 1, n) of their error.
 
     In a smooth stretch: the polynomial through up to six samples around the interval, which reaches
-    no kinked one; bound: the largest change around when an end node is left out (order six, judged
-    as if five).
+    no kinked one; estimate: the largest change around when an end node is left out (order six,
+    judged as if five).
 
-    Else the trapezoid; bound: L D^2 / 4, which holds for every F with |F'| <= L, with the largest
-    slope over this interval and the two on each side for L (before and after a kink F moves as it
-    does there).
+    Else the trapezoid; estimate: L D^2 / 4. It would be a bound with L >= |F'|; for L stands the
+    largest slope of a chord between samples, over this interval and the two on each side (before
+    and after a kink F moves as it does there).
     """
     D = np.diff(t)[:, None]
     value = 0.5 * D * (F[1:] + F[:-1])
-    bound = 0.25 * D**2 * around(np.abs(np.diff(F, axis=0)) / D)
-    smooth = np.zeros_like(bound)
+    estimate = 0.25 * D**2 * around(np.abs(np.diff(F, axis=0)) / D)
+    smooth = np.zeros_like(estimate)
     # rounding of t + dt leaves spacings that differ in their last digits; to the rule they are
     # equal
     weights: dict = {}
@@ -67,9 +74,9 @@ def integrals(t: np.ndarray, F: np.ndarray, kinked: np.ndarray) -> tuple[np.ndar
         smooth[k] = np.abs(value[k] - dt * (left @ G[:-1])) + np.abs(
             value[k] - dt * (right @ G[1:])
         )
-        bound[k] = 0.0
+        estimate[k] = 0.0
     # the change passes through zero where a derivative does; its neighbours do not
-    return value, np.where(bound == 0.0, around(smooth), bound)
+    return value, np.where(estimate == 0.0, around(smooth), estimate)
 
 
 def around(values: np.ndarray) -> np.ndarray:

@@ -124,10 +124,10 @@ def _equation(frame, t, x, impulse, reaction, kinked, contacts) -> np.ndarray:
     """Measure the residual of the differential equation in each interval (k - 1,)."""
     f = right_hand_side(frame.case.problem)
     F = np.array([f(a, b) for a, b in zip(t, x, strict=True)])
-    value, bound = integrals(t, F, kinked)
+    value, doubt = integrals(t, F, kinked)
     R = reaction if reaction.shape[1] else _lcs_push(frame.case.problem, contacts, impulse)
     rho = np.abs(np.diff(x, axis=0) - value - np.diff(R, axis=0))
-    return (np.maximum(rho - bound, 0.0) / np.diff(t)[:, None]).max(axis=1, initial=0.0)
+    return (np.maximum(rho - doubt, 0.0) / np.diff(t)[:, None]).max(axis=1, initial=0.0)
 
 
 def _gaps(frame, contacts, t, x, impulse, reaction, lam):
@@ -227,21 +227,21 @@ def _switched(p, v, lam):
 def _lcs(frame, contacts, t, x, impulse, reaction, lam, kinked):
     """Measure feasibility, complementarity and reaction of a linear complementarity system.
 
-    Returns as _gaps. w has interval means by the quadrature of C x + q, less its bound; rows
-    without lam count at samples. Complementarity is a product of means, so it is computed where
-    nothing switches.
+    Returns as _gaps. w has interval means by the quadrature of C x + q, less its error estimate;
+    rows without lam count at samples. Complementarity is a product of means, so it is computed
+    where nothing switches.
     """
     p = frame.case.problem
     q = as_numpy(p.q) if p.q else lambda s: 0.0
     v = np.array([p.C @ b + q(a) for a, b in zip(t, x, strict=True)])
     lam = spread(p, contacts, lam, {(0, i): i for i in range(p.B.shape[1])})
     kinked = kinked | _switched(p, v, lam)
-    value, bound = (a / np.diff(t)[:, None] for a in integrals(t, v, kinked))
+    value, doubt = (a / np.diff(t)[:, None] for a in integrals(t, v, kinked))
     w = value + lam @ p.D.T
-    both = np.maximum(w - bound, 0.0) * np.maximum(lam, 0.0)
+    both = np.maximum(w - doubt, 0.0) * np.maximum(lam, 0.0)
     complementary = float(both[~kinked].max(initial=0.0))
     feasible = max(
-        float((-w - bound).max(initial=0.0)), float(-v[:, ~p.D.any(axis=1)].min(initial=0.0)), 0.0
+        float((-w - doubt).max(initial=0.0)), float(-v[:, ~p.D.any(axis=1)].min(initial=0.0)), 0.0
     )
     mismatch = np.zeros(len(t) - 1)
     if reaction.shape[1]:
@@ -276,12 +276,12 @@ def _inclusion(case, contacts, t, x, impulse, kinked):
         "complementarity": complementary,
     }
     means = {}
-    bounds = {}
+    doubts = {}
     F = {}
     for mode in product((1.0, -1.0), repeat=d):
         F[mode] = np.array([field(a, b, np.array(mode)) for a, b in zip(t, x, strict=True)])
-        value, bound = integrals(t, F[mode], kinked)
-        means[mode], bounds[mode] = (v / np.diff(t)[:, None] for v in (value, bound))
+        value, doubt = integrals(t, F[mode], kinked)
+        means[mode], doubts[mode] = (v / np.diff(t)[:, None] for v in (value, doubt))
     mixed = _mixing(theta, F)
     off = np.zeros(len(t) - 1)
     for k, v in enumerate(np.diff(x, axis=0) / np.diff(t)[:, None]):
@@ -292,7 +292,7 @@ def _inclusion(case, contacts, t, x, impulse, kinked):
         modes = [m for m in product(*sides) if np.all(np.isfinite(means[m][k]))]
         if not modes:
             return found, np.full(len(off), np.nan)
-        slack = max(float(np.linalg.norm(bounds[m][k])) for m in modes) + (
+        slack = max(float(np.linalg.norm(doubts[m][k])) for m in modes) + (
             mixed[k] if len(modes) > 1 else 0.0
         )
         off[k] = max(0.0, distance_to_hull(v, np.array([means[m][k] for m in modes])) - slack)
@@ -314,8 +314,8 @@ def _modes(problem, t, x, impulse, kinked):
             f = as_numpy(drift)
             F = np.array([f(a, b) for a, b in zip(t, x, strict=True)])
             # samples in another mode, or after a jump, are no nodes of this one's quadrature
-            value, bound = integrals(t, F, ~own)
-            rho = np.maximum(np.abs(np.diff(x, axis=0) - value) - bound, 0.0) / np.diff(t)[:, None]
+            value, doubt = integrals(t, F, ~own)
+            rho = np.maximum(np.abs(np.diff(x, axis=0) - value) - doubt, 0.0) / np.diff(t)[:, None]
             off[own] = rho.max(axis=1)[own]
     return {"sign": float(np.min(spent, initial=0.0))}, off
 
