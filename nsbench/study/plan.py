@@ -29,8 +29,8 @@ class Spec:
     refused).
 
     accuracy: name of the solver's accuracy parameter ("h", "tol", "k", "eps"); asked: its value.
-    start_seed: a seed; other than 0 the run starts START_PERTURBATION away from the case's start, in a
-    direction drawn with the seed, and is not timed.
+    start_seed: other than 0 the run starts START_PERTURBATION away from the case's start, in a
+    direction drawn with this seed, and is not timed.
     parts: digests of the parts of the run's key (nsbench.results.run_key) on the machine that
     requests it, for a process that computes it elsewhere.
     """
