@@ -196,7 +196,8 @@ class _Piece:
         s = self.length * PLACES
         X, dX = self._curve(s)
         _, q = self._velocity(s[2], X[2], self._field(s[2], X[2]))
-        rows = self.shadow.rows([c for c, load in zip(self.closed.ids, q, strict=True) if load > 0.0])
+        acting = [c for c, load in zip(self.closed.ids, q, strict=True) if load > 0.0]
+        rows = self.shadow.rows(acting)
         if rows.m and (rows.is_moving or not rows.is_straight):
             X = rows.closed(self.t + s, X, NEWTON)
         F = self.shadow.fields(self.t + s, X)

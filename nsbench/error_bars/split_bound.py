@@ -10,8 +10,9 @@ g_k(Y) <= |w|. Tangential to all of them, with the projection P, contact forces 
 holds whatever the multipliers are: this part is carried on as a vector. The contacts fall into
 groups whose gradients are orthogonal to one another. Of the part of w in the span of a group only
 the size is known, and <w, N^T (q - Lambda)> <= 0 lets it shrink: where all of the group are closed
-with q > 0, by kappa = min over k of q_k / |N^+ e_k| per unit of time. So the error is delta + z
-with a vector delta, and a radius of z for the tangential part and for that of each group.
+with q > 0, by kappa = min over k of q_k / |N^+ e_k| per unit of time, against what the drift brings
+in from the rest of w. So the error is delta + z with a vector delta, and a radius of z for the
+tangential part and for that of each group; into the tangential part flows what groups hold.
 """
 
 from __future__ import annotations
@@ -191,14 +192,10 @@ class SplitBound:
         known = Known(start, self.split(()), np.zeros(1))
         out.delta[0] = start
         out.norm[0] = np.linalg.norm(start)
-        for j, H in enumerate(self.path.H):
-            new = self._carried(j, known)
-            mean = 0.5 * (known.delta + new.delta)
-            out.pulled[j + 1] = out.pulled[j] + H * (self.drift.J @ mean)
-            # how far delta may be from its chord, and what the drift makes of all that is not delta
-            bend = 2.0 * (self.path.size[j] + H * self.drift.two_sided * known.size)
-            rest = self.drift.two_sided * (max(known.radius, new.radius) + bend)
-            out.unknown[j + 1] = out.unknown[j] + H * (rest + self.drift.change * new.size)
+        for j in range(len(self.path.H)):
+            new, pulled, unknown = self._carried(j, known)
+            out.pulled[j + 1] = out.pulled[j] + pulled
+            out.unknown[j + 1] = out.unknown[j] + unknown
             # the norm alone can be the better bound: then nothing is known of the direction
             norm = self._norm_bound(j, out.norm[j])
             out.norm[j + 1] = min(norm, new.size)
@@ -213,32 +210,44 @@ class SplitBound:
         factor = np.exp(self.drift.one_sided * self.path.H[j])
         return factor * e + max(1.0, factor) * self.path.size[j]
 
-    def _carried(self, j: int, known: Known) -> Known:
-        """Return what is known of the error at the end of interval j."""
+    def _carried(self, j: int, known: Known) -> tuple[Known, np.ndarray, float]:
+        """Return what is known of the error at the end of interval j, the integral (n,) of J w over
+        it, and a bound of what that lacks."""
         H = float(self.path.H[j])
         drift = self.drift
         rho = self.path.residual_vectors(j)
         slack = float(self.path.slack[j])
         jump = self.path.push[j] if len(rho) == 0 else np.zeros_like(known.delta)
         most = max(1.0, np.exp(drift.one_sided * H)) * (known.size + float(self.path.size[j]))
-        change = drift.change * most * H
         s = self.split(self._may_touch(j, most))
-        radii = known.radii_in(s).copy()
+        radii = known.radii_in(s)
+        peaks = np.zeros(len(radii))
         pulls = self._pulls(j, s)
-        pushed, error = _pushed(s, known.delta, rho, H)
-        for k, part in enumerate(s.parts):
-            added = slack + H * part.inflow * most + change
-            if k == 0:
-                added += error
-            else:
-                radii[k] += float(np.linalg.norm(part.projection @ known.delta))
-                added += _size(rho @ part.projection, H)
+        flow = _Flow(s, known.delta, rho, H)
+        # the groups first: what they hold flows into the tangential part, which comes last
+        for k in reversed(range(len(s.parts))):
+            part = s.parts[k]
+            first = radii[k]
+            rest = float(np.linalg.norm(peaks))
+            added = slack + flow.error
+            if k > 0:
+                first += float(np.linalg.norm(part.projection @ known.delta))
+                rest = most
+                added = slack + _size(rho @ part.projection, H)
+            # multipliers pull against the drift, at rates; residuals may come at once
+            rate = part.inflow * rest + drift.change * most - pulls[k]
             grown = np.exp(part.rate * H)
-            kept = grown * radii[k] - min(1.0, grown) * H * pulls[k]
-            radii[k] = max(0.0, kept) + max(1.0, grown) * added
-            radii[k] += float(np.linalg.norm(part.projection @ jump)) if k else 0.0
-            radii[k] = 0.0 if part.is_empty else radii[k]
-        return Known(pushed + s.tangent @ jump, s, radii)
+            last = max(0.0, grown * first + H * rate * (max if rate > 0.0 else min)(1.0, grown))
+            more = max(1.0, grown) * added
+            peaks[k] = max(1.0, grown) * (first + H * max(0.0, rate)) + more
+            radii[k] = last + more + (float(np.linalg.norm(part.projection @ jump)) if k else 0.0)
+            if part.is_empty:
+                radii[k] = 0.0
+                peaks[k] = 0.0
+        unknown = drift.two_sided * (float(np.linalg.norm(peaks)) * H + flow.lack)
+        unknown += H * drift.change * most
+        end = Known(flow.end + s.tangent @ jump, s, radii)
+        return end, drift.J @ flow.integral, unknown
 
     def _may_touch(self, j: int, most: float) -> tuple:
         """Return the places of the contacts that Y closes in interval j, or x may close."""
@@ -269,35 +278,52 @@ def _size(rho: np.ndarray, H: float) -> float:
     return H * (boole + abs(boole - 4.0 * b / 6.0))
 
 
-def _pushed(s: Split, delta, rho, H: float) -> tuple[np.ndarray, float]:
-    """Return P delta after the time H, and a bound of what the formulas leave out.
+class _Flow:
+    """P delta over an interval of length H, carried on by the flow exp(s A), A = P J P, and by the
+    residuals rho (3, n) at its quarters.
 
-    The flow is exp(H A), A = P J P; the residuals are carried on from the middle of the interval.
+    end (n,): at its end; integral (n,): over it; error, lack: bounds of what the formulas of `end`
+    and `integral` leave out.
     """
-    end = _flow(H * s.along, s.tangent @ delta)
-    if not len(rho):
-        return end, 0.0
-    a, b, c = rho @ s.tangent
-    total = H * (32.0 * (a + c) + 12.0 * b) / 90.0
-    simpson = H * 4.0 * b / 6.0
-    rate = H * float(np.linalg.norm(s.along))
-    middle = total + 0.5 * H * (s.along @ total)
-    error = float(np.linalg.norm(total - simpson)) + rate * rate * _size(rho @ s.tangent, H)
-    # the first moment of rho about the middle, which the formula leaves out
-    return end + middle, error + 0.25 * rate * H * float(np.linalg.norm(c - a))
+
+    def __init__(self, s: Split, delta: np.ndarray, rho: np.ndarray, H: float):
+        first = s.tangent @ delta
+        self.end = _flow(H * s.along, first)
+        self.integral = H * _flow(H * s.along, first, kind=1)
+        self.error = 0.0
+        self.lack = 0.0
+        if not len(rho):
+            return
+        a, b, c = rho @ s.tangent
+        total = H * (32.0 * (a + c) + 12.0 * b) / 90.0
+        simpson = H * 4.0 * b / 6.0
+        rate = H * float(np.linalg.norm(s.along))
+        size = _size(rho @ s.tangent, H)
+        rough = float(np.linalg.norm(total - simpson))
+        # the first moment of rho about the middle, which the formulas leave out
+        moment = 0.25 * H * float(np.linalg.norm(c - a))
+        # residuals are carried on from the middle of the interval
+        self.end = self.end + total + 0.5 * H * (s.along @ total)
+        self.error = rough + rate * rate * size + rate * moment
+        self.integral = self.integral + 0.5 * H * total
+        self.lack = H * (0.5 * rough + moment + rate * size)
 
 
-def _flow(A: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Return exp(A) v, by the Taylor series where that is short."""
+def _flow(A: np.ndarray, v: np.ndarray, kind: int = 0) -> np.ndarray:
+    """Return exp(A) v, or with kind 1 the mean of exp(s A) v over 0 <= s <= 1; by the Taylor series
+    where that is short."""
     if not (np.any(A) and np.any(v)):
         return v
-    if np.linalg.norm(A) > 1.0:
-        from scipy.linalg import expm
-
-        return expm(A) @ v
-    total = v
-    term = v
-    for k in range(1, TERMS):
-        term = A @ term / k
-        total = total + term
-    return total
+    parts = 1
+    while np.linalg.norm(A) > parts:
+        parts *= 2
+    part = A / parts
+    mean = np.zeros_like(v)
+    for _ in range(parts):
+        term = v
+        v = np.zeros_like(v)
+        for k in range(TERMS):
+            v = v + term
+            mean = mean + term / ((k + 1) * parts)
+            term = part @ term / (k + 1)
+    return mean if kind else v

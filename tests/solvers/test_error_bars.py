@@ -76,6 +76,10 @@ def test_a_scene_of_ones_own_has_a_bound(method):
         assert np.all(traj.bound.state >= error)
     # contacts erase errors, which is known of steps that are short beside the time between contacts
     assert traj.bound.state.max() <= 3.0 * error.max()
+    # what is known by direction needs no Lipschitz constant, and contacts hold the rest
+    off = np.linalg.norm(traj.reaction - truth.reaction, axis=1)
+    assert np.all(traj.bound.reaction >= off)
+    assert traj.bound.reaction.max() <= 3.0 * off.max()
 
 
 def test_a_bound_has_the_units_of_the_state():
@@ -86,6 +90,15 @@ def test_a_bound_has_the_units_of_the_state():
     two = nsbench.solve(other, "catching_up", h=0.01 * 2.0**-20)
     assert np.array_equal(one.bound.state * 2.0**10, two.bound.state)
     assert np.array_equal(one.bound.reaction * 2.0**10, two.bound.reaction)
+
+
+@pytest.mark.parametrize("name, most", [("tide", 1.5), ("discs[n=10]", 6.0)])
+def test_error_bars_shrink_with_the_step_as_far_as_the_error_does(name, most):
+    # local solutions of low order have a residual that does not depend on the step of the run
+    case = get_case(name)
+    traj = nsbench.solve(case, "pbd", h=1e-5)
+    error = np.linalg.norm(traj.x - reference(case).x, axis=1).max()
+    assert error <= traj.bound.state.max() <= most * error
 
 
 def test_switches_have_no_error_bars_and_failed_runs_say_why():
