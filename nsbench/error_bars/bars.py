@@ -39,6 +39,8 @@ from nsbench.error_bars.split_bound import Linear, SplitBound
 # of an estimate: allowance for what its linearisation leaves out, terms of second order in the
 # error
 LINEARISED = 1.25
+# of the vectors whose sum is the error of the reaction: they may cancel by more than they are right
+CANCELLED = 0.05
 ACTS = 1e-12  # of the largest impulse of an interval: less of one is rounding of a QP
 ENTRIES = 2_000_000  # of gradients that are evaluated at once
 
@@ -58,8 +60,10 @@ class Growth:
     """Error bars at the nodes.
 
     state (K,): of |x_n - x*|. R_n - R* is known (K, n), less what the drift of the run differs from
-    that of the curve, and a rest of at most reaction (K,).
+    that of the curve, times factor, and a rest of at most reaction (K,).
     """
+
+    factor: float
 
     state: np.ndarray
     reaction: np.ndarray
@@ -156,11 +160,11 @@ class Path:
         if not SplitBound.fits(self):
             e = self._norms(drift, apart[0])
             area = np.append(0.0, np.cumsum(self.H * np.maximum(e[1:], e[:-1])))
-            return Growth(apart + e, e + drift.two_sided * area, offset)
+            return Growth(1.0, apart + e, e + drift.two_sided * area, offset)
         w = SplitBound(self, drift).carried(-offset[0])
         directed = np.linalg.norm(offset + w.delta, axis=1) + w.radius
         known = offset + w.delta - w.pulled
-        return Growth(np.minimum(apart + w.norm, directed), w.radius + w.unknown, known)
+        return Growth(1.0, np.minimum(apart + w.norm, directed), w.radius + w.unknown, known)
 
     def _norms(self, drift: Linear, first: float) -> np.ndarray:
         """Return (K,) bounds of |Y - x| by its size alone."""
@@ -191,9 +195,10 @@ class Path:
                 pulled[j + 1] += H * pushed(drift, self.shadow.rows(()), at, x, q, middle)
             delta[j + 1] = new + self.push[j]
         offset = self.nodes.x - self.Y
-        state = np.linalg.norm(offset, axis=1) + np.linalg.norm(delta, axis=1) + slack
-        reaction = np.linalg.norm(delta - pulled, axis=1) + slack
-        return Growth(LINEARISED * state, LINEARISED * reaction, offset)
+        norms = [np.linalg.norm(v, axis=1) for v in (offset, delta, pulled)]
+        state = norms[0] + norms[1] + slack
+        reaction = LINEARISED * slack + CANCELLED * sum(norms)
+        return Growth(LINEARISED, LINEARISED * state, reaction, offset + delta - pulled)
 
     def least_singular_values(self) -> np.ndarray:
         """Return (K,) the least singular values of the unit gradients of the contacts that acted

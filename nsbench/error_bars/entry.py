@@ -169,7 +169,7 @@ def _in_own_units(case: Case, traj: Trajectory) -> Bars:
     own_drift = traj.x - traj.x[0] - traj.reaction
     off = np.linalg.norm(parts.known[at] - (own_drift - path.curve_drift()[at]), axis=1)
     state = parts.state[at] + rounding
-    reaction = off + parts.reaction[at] + rounding
+    reaction = parts.factor * off + parts.reaction[at] + rounding
     impulse = np.maximum.accumulate(reaction) / path.least_singular_values()[at]
     why = _doubt(path, state.max(), particle_distance(case), proven)
     distance = np.linalg.norm((nodes.x - path.Y)[at], axis=1)
