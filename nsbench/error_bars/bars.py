@@ -33,7 +33,7 @@ from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 from nsbench.error_bars.contact_rows import ContactRows
 from nsbench.error_bars.growth import grown, linear_drift, pushed, tangential
 from nsbench.error_bars.local_solution import local_solution
-from nsbench.error_bars.shadow import Shadow
+from nsbench.error_bars.shadow import Shadow, Stretch
 from nsbench.error_bars.split_bound import Linear, SplitBound
 
 # of an estimate: allowance for what its linearisation leaves out, terms of second order in the
@@ -92,9 +92,7 @@ class Path:
         self.push = np.zeros((K - 1, scene.n))  # the same as vectors, without that of pieces
         self.slack = np.zeros(K - 1)  # residual of the pieces of a local solution
         self.along = np.zeros((K - 1, scene.n))  # integral of the drift
-        self.residual: dict[int, np.ndarray] = {}  # of arcs, (3, n) at their quarters
-        self.least_loads: dict[int, np.ndarray] = {}  # of arcs, (m,) of unit gradients
-        self.touched: list = list(self.sets)  # by interval the contacts that the curve meets
+        self.stretches: dict[int, list[Stretch]] = {}  # by interval
         self.middle: dict[int, tuple] = {}
         self.is_complete = True
         self._integrate()
@@ -127,11 +125,16 @@ class Path:
         self.push[at] = arcs.vectors(H)
         self.along[at] = arcs.fields(H, F[at], F[at + 1])
         rows = self.shadow.rows(ids)
-        least = arcs.least_loads()
+        loads = arcs.loads()
         for k, j in enumerate(at):
             self.middle[int(j)] = rows, arcs.middle[k], arcs.q[k, 1]
-            self.residual[int(j)] = arcs.residual[k]
-            self.least_loads[int(j)] = least[k]
+            states = np.array([Y[j], arcs.middle[k], Y[j + 1]])
+            place = float(t[k]), float(H[k]), states
+            closed = frozenset(ids)
+            rho = np.zeros((5, Y.shape[1]))
+            rho[1:4] = arcs.residual[k]
+            stretch = Stretch(*place, rows.ids, loads[k], closed, rho, 0.0)
+            self.stretches[int(j)] = [stretch]
         return {int(j) for j in at[~arcs.inside]}
 
     def _local(self, j: int):
@@ -144,13 +147,7 @@ class Path:
         self.size[j] = found.residual + np.linalg.norm(self.push[j])
         self.along[j] = found.drift
         self.middle[j] = self.shadow.rows(()), 0.5 * (self.Y[j] + self.Y[j + 1]), np.empty(0)
-        self.touched[j] = found.touched
-        self.residual.pop(j, None)
-        self.least_loads.pop(j, None)
-
-    def residual_vectors(self, j: int) -> np.ndarray:
-        """Return the residual of interval j at the quarters of its arc, (3, n); (0, n) without."""
-        return self.residual.get(j, np.empty((0, self.Y.shape[1])))
+        self.stretches[j] = found.pieces
 
     def bound(self) -> Growth:
         """Return the parts of the bound: convex constraints with flat faces."""

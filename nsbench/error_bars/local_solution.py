@@ -21,7 +21,7 @@ from nsbench.error_bars.contact_rows import (
     off_cone,
     times,
 )
-from nsbench.error_bars.shadow import CLOSED, NEWTON, Shadow, boole, hermite
+from nsbench.error_bars.shadow import CLOSED, NEWTON, Shadow, Stretch, boole, hermite
 
 PIECES = (1, 2, 4, 8)  # of an interval, beside those that events make
 SMALL = 0.1  # of the run's error over the interval: a residual that needs no more pieces
@@ -35,13 +35,13 @@ PLACES = np.arange(5) / 4.0  # of a piece, where its residual is computed
 @dataclass(frozen=True)
 class LocalSolution:
     """Where a local solution ends: state (n,), bound of the integral of its residual, integral
-    (n,) of the drift along it, the contacts it met, and whether it got to the end of its interval.
+    (n,) of the drift along it, its pieces, and whether it got to the end of its interval.
     """
 
     state: np.ndarray
     residual: float
     drift: np.ndarray
-    touched: frozenset
+    pieces: list[Stretch]
     is_complete: bool
 
 
@@ -60,27 +60,35 @@ def local_solution(
 def _in_pieces(shadow: Shadow, t: float, H: float, y: np.ndarray, pieces: int) -> LocalSolution:
     ends = t + H * np.arange(1, pieces + 1) / pieces
     now = t
-    residual = 0.0
     total = np.zeros_like(y)
     at = 0
-    touched: set[tuple] = set()
+    found: list[Stretch] = []
     for _ in range(MOST_PIECES):
         piece = _Piece(shadow, now, float(ends[at]) - now, y)
-        touched.update(piece.closed.ids)
-        y, part, along = piece.end()
-        residual += part
+        stretch, along = piece.end()
+        found.append(stretch)
+        y = stretch.states[2]
         total += along
         now += piece.length
         if not piece.is_cut:
             now = float(ends[at])
             at += 1
             if at == pieces:
-                return LocalSolution(y, residual, total, frozenset(touched), True)
-    # too many events: the curve waits where it is for the rest of the interval
-    left = t + H - now
-    f = np.asarray(shadow.drift(now, y), float)
-    residual += left * float(np.linalg.norm(f))
-    return LocalSolution(y, residual, total + left * f, frozenset(touched), False)
+                break
+    left = t + H - now if at < pieces else 0.0
+    if left > 0.0:
+        # too many events: the curve waits where it is for the rest of the interval
+        f = np.asarray(shadow.drift(now, y), float)
+        total += left * f
+        found.append(_waiting(now, left, y, left * float(np.linalg.norm(f)), piece.closed.ids))
+    residual = sum(s.slack for s in found)
+    return LocalSolution(y, residual, total, found, left == 0.0)
+
+
+def _waiting(t: float, H: float, y: np.ndarray, slack: float, closed) -> Stretch:
+    loads = np.empty((len(PLACES), 0))
+    no_residual = np.empty((0, len(y)))
+    return Stretch(t, H, np.array([y] * 3), (), loads, frozenset(closed), no_residual, slack)
 
 
 class _Piece:
@@ -94,7 +102,10 @@ class _Piece:
         self.is_cut = False
         f = self._field(0.0, y)
         self.closed, self.open = self._contacts(dt, np.linalg.norm(f))
-        self.v, q = self._velocity(0.0, y, f)
+        # what is closed up to CLOSED is closed up to rounding, by a jump that counts as residual
+        self.y = self.closed.closed(np.array([t]), y[None])[0]
+        self.jump = float(np.linalg.norm(self.y - y))
+        self.v, q = self._velocity(0.0, self.y, f)
         self._take_step()
         if self._stop_at_release(q):
             self._take_step()
@@ -191,23 +202,34 @@ class _Piece:
         self.length = end
         self.is_cut = True
 
-    def end(self) -> tuple[np.ndarray, float, np.ndarray]:
-        """Return the end of the piece, a bound of its residual, and the integral of the drift."""
+    def end(self) -> tuple[Stretch, np.ndarray]:
+        """Return the piece as a stretch, and the integral (n,) of the drift along it."""
         s = self.length * PLACES
         X, dX = self._curve(s)
         _, q = self._velocity(s[2], X[2], self._field(s[2], X[2]))
-        acting = [c for c, load in zip(self.closed.ids, q, strict=True) if load > 0.0]
+        acting = tuple(c for c, load in zip(self.closed.ids, q, strict=True) if load > 0.0)
         rows = self.shadow.rows(acting)
         if rows.m and (rows.is_moving or not rows.is_straight):
             X = rows.closed(self.t + s, X, NEWTON)
         F = self.shadow.fields(self.t + s, X)
         rest = dX - F
+        loads = np.empty((len(s), 0))
         if rows.m:
             N = rows.gradients(self.t + s, X)
             # the normal velocity is that of the face, whatever the polynomial's is
             lack = times(N, dX) + rows.rates(self.t + s, X)
-            rest, _ = off_cone(N, rest - normal_part(N, lack))
+            rest, loads = off_cone(N, rest - normal_part(N, lack))
         sizes = np.linalg.norm(rest, axis=1)
         fine = boole(sizes)
         coarse = (sizes[0] + 4.0 * sizes[2] + sizes[4]) / 6.0
-        return X[-1], self.length * (fine + abs(fine - coarse)), self.length * boole(F)
+        stretch = Stretch(
+            t=self.t,
+            H=self.length,
+            states=X[::2],
+            ids=acting,
+            loads=loads,
+            closed=frozenset(self.closed.ids),
+            residual=np.empty((0, len(self.y))),
+            slack=self.jump + self.length * (fine + abs(fine - coarse)),
+        )
+        return stretch, self.length * boole(F)

@@ -8,6 +8,7 @@ face along its normals. What it lacks to be a solution is the residual rho = Y' 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +19,12 @@ CLOSED = 1e-12  # of own length: a gap that is zero up to rounding
 NEWTON = 6  # Gauss-Newton steps onto a curved face
 REPAIRS = 20  # rounds in which violated constraints are closed as well
 PLACES = (0.25, 0.5, 0.75)  # of an arc, where its residual is computed
+# values at the eighths of the polynomial through the values at the quarters
+EIGHTHS = np.zeros((9, 5))
+EIGHTHS[::2] = np.eye(5)
+EIGHTHS[1] = np.array([35.0, 140.0, -70.0, 28.0, -5.0]) / 128.0
+EIGHTHS[3] = np.array([-5.0, 60.0, 90.0, -20.0, 3.0]) / 128.0
+EIGHTHS[5:8:2] = EIGHTHS[3:0:-2, ::-1]
 
 
 class Shadow:
@@ -114,6 +121,52 @@ class Shadow:
         return Arcs(residual, field, inside, middle, q)
 
 
+@dataclass(frozen=True)
+class Stretch:
+    """Part of a comparison curve on which the same contacts act, from t over a length H.
+
+    states (3, n): at its beginning, middle and end; loads (5, m): multipliers of the unit gradients
+    of the acting contacts `ids` at its quarters, ends included; closed: all contacts that are
+    closed on it; residual (5, n): at its quarters, or (0, n); slack: bound of the integral of what
+    residual does not hold.
+    """
+
+    t: float
+    H: float
+    states: np.ndarray
+    ids: tuple
+    loads: np.ndarray
+    closed: frozenset
+    residual: np.ndarray
+    slack: float
+
+    def halves(self) -> tuple[Stretch, Stretch]:
+        """Return both halves: states by their parabola, multipliers as piecewise linear, residuals
+        by the polynomial of degree 4."""
+        first, middle, last = self.states
+        bend = 0.125 * (first - 2.0 * middle + last)
+        quarter = 0.5 * (first + middle) - bend
+        late = 0.5 * (middle + last) - bend
+        between = 0.5 * (self.loads[:-1] + self.loads[1:])
+        loads = np.empty((9, self.loads.shape[1]))
+        loads[::2] = self.loads
+        loads[1::2] = between
+        rho = EIGHTHS @ self.residual if len(self.residual) else np.empty((0, first.size))
+        parts = [
+            replace(
+                self,
+                t=self.t + 0.5 * k * self.H,
+                H=0.5 * self.H,
+                states=np.array(states),
+                loads=loads[4 * k : 4 * k + 5],
+                residual=rho[4 * k : 4 * k + 5],
+                slack=0.5 * self.slack,
+            )
+            for k, states in enumerate(((first, quarter, middle), (middle, late, last)))
+        ]
+        return parts[0], parts[1]
+
+
 class Arcs:
     """Residuals (K, 3, n) and drifts (K, 3, n) at PLACES of K arcs; `inside` (K,): is it in S?
 
@@ -134,11 +187,12 @@ class Arcs:
         boole = (32.0 * (a + c) + 12.0 * b) / 90.0
         return H * (boole + np.abs(boole - 4.0 * b / 6.0))
 
-    def least_loads(self) -> np.ndarray:
-        """Return (K, m) the least multipliers along the arcs; between PLACES and the ends they are
-        taken as linear."""
+    def loads(self) -> np.ndarray:
+        """Return (K, 5, m) the multipliers at the quarters of the arcs; at the ends they are what
+        those inside say if they are linear."""
         first, middle, last = self.q.transpose(1, 0, 2)
-        return np.min([first, middle, last, 2.0 * first - middle, 2.0 * last - middle], axis=0)
+        ends = 2.0 * first - middle, first, middle, last, 2.0 * last - middle
+        return np.stack(ends, axis=1)
 
     def vectors(self, H: np.ndarray) -> np.ndarray:
         """Return (K, n) the integrals of rho by Boole's rule."""
@@ -165,5 +219,6 @@ def hermite(w, H, Y0, Y1, V0, V1):
 
 
 def boole(values: np.ndarray) -> np.ndarray:
-    """Return the mean over an interval of a function with these five equidistant values (5, ...)."""
-    return (7.0 * (values[0] + values[4]) + 32.0 * (values[1] + values[3]) + 12.0 * values[2]) / 90.0
+    """Return the mean over an interval of a function, from its values at the quarters (5, ...)."""
+    first, second, middle, third, last = values
+    return (7.0 * (first + last) + 32.0 * (second + third) + 12.0 * middle) / 90.0

@@ -17,14 +17,16 @@ tangential part and for that of each group; into the tangential part flows what 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from nsbench.error_bars.contact_rows import ContactRows
+from nsbench.error_bars.shadow import Stretch, boole
 
 TERMS = 19  # of exp(A) v for |A| <= 1: the rest is below rounding
 RANK = 1e-9  # relative singular value below which rows count as dependent
+HALVINGS = 3  # of a stretch on which x may close or open contacts at another time than Y
 MOST_ROWS = 2_000  # constraints whose gaps are looked at in every interval
 
 
@@ -80,6 +82,7 @@ class Split:
             for basis, g in zip([tangent, *bases], self.groups, strict=True)
         ]
         self.tangent = self.parts[0].projection
+        self.sizes: np.ndarray | None = None  # (parts, m) of all unit gradients in the parts
         self.along = self.tangent @ drift.J @ self.tangent
 
 
@@ -167,9 +170,9 @@ class SplitBound:
         self.rows: ContactRows = path.shadow.rows(near.ids)
         self.place = {c: k for k, c in enumerate(self.rows.ids)}
         self.N = self.rows.gradients(path.nodes.t[:1], path.Y[:1])[0]
-        self.gaps = self.rows.gaps(path.nodes.t, path.Y)
-        X = np.array([path.middle[j][1] for j in range(len(path.H))])
-        self.middle = self.rows.gaps(path.nodes.t[:-1] + 0.5 * path.H, X)
+        stretches = [s for j in range(len(path.H)) for s in path.stretches[j]]
+        least = self._least_gaps(stretches)
+        self._least = {id(s): g for s, g in zip(stretches, least, strict=True)}
         self._splits: dict[tuple, Split] = {}
 
     @classmethod
@@ -193,9 +196,15 @@ class SplitBound:
         out.delta[0] = start
         out.norm[0] = np.linalg.norm(start)
         for j in range(len(self.path.H)):
-            new, pulled, unknown = self._carried(j, known)
-            out.pulled[j + 1] = out.pulled[j] + pulled
-            out.unknown[j + 1] = out.unknown[j] + unknown
+            new = known
+            out.pulled[j + 1] = out.pulled[j]
+            out.unknown[j + 1] = out.unknown[j]
+            for stretch in self.path.stretches[j]:
+                new, pulled, unknown = self._carried(stretch, new)
+                out.pulled[j + 1] += pulled
+                out.unknown[j + 1] += unknown
+            if not len(stretch.residual):  # a local solution, from which Y jumps
+                new = replace(new, delta=new.delta + self.path.push[j])
             # the norm alone can be the better bound: then nothing is known of the direction
             norm = self._norm_bound(j, out.norm[j])
             out.norm[j + 1] = min(norm, new.size)
@@ -210,98 +219,142 @@ class SplitBound:
         factor = np.exp(self.drift.one_sided * self.path.H[j])
         return factor * e + max(1.0, factor) * self.path.size[j]
 
-    def _carried(self, j: int, known: Known) -> tuple[Known, np.ndarray, float]:
-        """Return what is known of the error at the end of interval j, the integral (n,) of J w over
+    def _carried(
+        self, at: Stretch, known: Known, halvings: int = HALVINGS
+    ) -> tuple[Known, np.ndarray, float]:
+        """Return what is known of the error at the end of a stretch, the integral (n,) of J w over
         it, and a bound of what that lacks."""
-        H = float(self.path.H[j])
-        drift = self.drift
-        rho = self.path.residual_vectors(j)
-        slack = float(self.path.slack[j])
-        jump = self.path.push[j] if len(rho) == 0 else np.zeros_like(known.delta)
-        most = max(1.0, np.exp(drift.one_sided * H)) * (known.size + float(self.path.size[j]))
-        s = self.split(self._may_touch(j, most))
-        radii = known.radii_in(s)
-        peaks = np.zeros(len(radii))
-        pulls = self._pulls(j, s)
-        flow = _Flow(s, known.delta, rho, H)
+        contacts = {self.place[c] for c in at.closed}
+        least = self._least.get(id(at))
+        if least is None:
+            least = self._least_gaps([at])[0]
+        # the contacts that act are those of Y, and whatever x may reach while only these act
+        while True:
+            step = _Step(self, at, known, self.split(tuple(sorted(contacts))))
+            more = set(np.flatnonzero(least <= step.reaches(self.N)).tolist())
+            if more <= contacts:
+                return step.end, self.drift.J @ step.flow.integral, step.unknown
+            if halvings:
+                first, second = at.halves()
+                known, pulled, unknown = self._carried(first, known, halvings - 1)
+                known, more_pulled, more_unknown = self._carried(second, known, halvings - 1)
+                return known, pulled + more_pulled, unknown + more_unknown
+            contacts |= more
+
+    def _least_gaps(self, stretches: list[Stretch]) -> np.ndarray:
+        """Return (K, m) lower bounds of all gaps along K stretches."""
+        times = np.concatenate([[s.t, s.t + 0.5 * s.H, s.t + s.H] for s in stretches])
+        gaps = self.rows.gaps(times, np.concatenate([s.states for s in stretches]))
+        gaps = gaps.reshape(len(stretches), 3, -1)
+        # between the three states a gap is taken as a parabola, of twice its curvature
+        bend = np.abs(gaps[:, 0] - 2.0 * gaps[:, 1] + gaps[:, 2])
+        return gaps.min(axis=1) - 0.25 * bend
+
+    def pulls(self, at: Stretch, split: Split) -> list[np.ndarray]:
+        """Return (4,) kappa of each part in the quarters of a stretch: 0.0 unless all of its
+        contacts are closed with positive multipliers."""
+        quarters = np.minimum(at.loads[:-1], at.loads[1:])
+        loads = {self.place[c]: quarters[:, a] for a, c in enumerate(at.ids)}
+        none = np.zeros(len(quarters))
+        pulls = [none]
+        for part, group in zip(split.parts[1:], split.groups[1:], strict=True):
+            q = np.array([loads.get(split.contacts[k], none) for k in group])
+            pulls.append(np.array([part.pull(column) for column in q.T]))
+        return pulls
+
+
+class _Step:
+    """The error over one stretch, if no contacts but those of the split act on x or Y.
+
+    end: what is known at its end; peaks: largest sizes of z in the parts of the split on the way;
+    flow: the known part; unknown: bound of what J times its integral lacks of the integral of J w.
+    """
+
+    def __init__(self, bound: SplitBound, at: Stretch, known: Known, s: Split):
+        H = at.H
+        drift = bound.drift
+        most = _size(at.residual, H) + at.slack
+        most = max(1.0, np.exp(drift.one_sided * H)) * (known.size + most)
+        radii = known.radii_in(s).copy()
+        self.split = s
+        self.peaks = np.zeros(len(radii))
+        self.flow = _Flow(s, known.delta, at.residual, H)
+        pulls = bound.pulls(at, s)
         # the groups first: what they hold flows into the tangential part, which comes last
         for k in reversed(range(len(s.parts))):
             part = s.parts[k]
             first = radii[k]
-            rest = float(np.linalg.norm(peaks))
-            added = slack + flow.error
+            rest = float(np.linalg.norm(self.peaks))
+            added = at.slack + self.flow.error
             if k > 0:
                 first += float(np.linalg.norm(part.projection @ known.delta))
                 rest = most
-                added = slack + _size(rho @ part.projection, H)
-            # multipliers pull against the drift, at rates; residuals may come at once
-            rate = part.inflow * rest + drift.change * most - pulls[k]
-            grown = np.exp(part.rate * H)
-            last = max(0.0, grown * first + H * rate * (max if rate > 0.0 else min)(1.0, grown))
-            more = max(1.0, grown) * added
-            peaks[k] = max(1.0, grown) * (first + H * max(0.0, rate)) + more
-            radii[k] = last + more + (float(np.linalg.norm(part.projection @ jump)) if k else 0.0)
+                added = at.slack + _size(at.residual @ part.projection, H)
+            inflow = part.inflow * rest + drift.change * most
+            grown = max(1.0, np.exp(part.rate * H))
+            self.peaks[k] = 0.0 if part.is_empty else grown * (first + H * inflow + added)
+            radii[k] = _held(first, part.rate, inflow, pulls[k], H) + grown * added
             if part.is_empty:
                 radii[k] = 0.0
-                peaks[k] = 0.0
-        unknown = drift.two_sided * (float(np.linalg.norm(peaks)) * H + flow.lack)
-        unknown += H * drift.change * most
-        end = Known(flow.end + s.tangent @ jump, s, radii)
-        return end, drift.J @ flow.integral, unknown
+        self.end = Known(self.flow.end, s, radii)
+        self.unknown = drift.two_sided * (float(np.linalg.norm(self.peaks)) * H + self.flow.lack)
+        self.unknown += H * drift.change * most
 
-    def _may_touch(self, j: int, most: float) -> tuple:
-        """Return the places of the contacts that Y closes in interval j, or x may close."""
-        least = np.min([self.gaps[j], self.gaps[j + 1], self.middle[j]], axis=0)
-        near = set(np.flatnonzero(least <= 2.0 * most).tolist())
-        return tuple(sorted(near | {self.place[c] for c in self.path.touched[j]}))
+    def reaches(self, N: np.ndarray) -> np.ndarray:
+        """Return (m,) upper bounds of N w on the stretch, for unit gradients N (m, n)."""
+        if self.split.sizes is None:
+            parts = [np.linalg.norm(N @ p.projection, axis=1) for p in self.split.parts]
+            self.split.sizes = np.array(parts)
+        ends = np.maximum(N @ self.flow.start, N @ self.flow.end)
+        return ends + self.flow.bend + self.peaks @ self.split.sizes
 
-    def _pulls(self, j: int, split: Split) -> list[float]:
-        """Return kappa of each part in interval j: 0.0 unless its contacts are closed on an arc."""
-        rows, _, _ = self.path.middle[j]
-        least = self.path.least_loads.get(j)
-        loads = {}
-        if least is not None:
-            loads = dict(zip((self.place[c] for c in rows.ids), least, strict=True))
-        pulls = [0.0]
-        for part, group in zip(split.parts[1:], split.groups[1:], strict=True):
-            q = [loads.get(split.contacts[k], 0.0) for k in group]
-            pulls.append(part.pull(np.array(q)))
-        return pulls
+
+def _held(r: float, rate: float, inflow: float, pulls: np.ndarray, H: float) -> float:
+    """Return a bound at H of a size that is r at 0 and grows by rate times itself and inflow; less
+    pulls (4,) in the quarters of H, as long as it is positive."""
+    step = H / len(pulls)
+    grown = np.exp(rate * step)
+    for pull in pulls:
+        net = inflow - pull
+        r = max(0.0, grown * r + step * net * (max if net > 0.0 else min)(1.0, grown))
+    return float(r)
 
 
 def _size(rho: np.ndarray, H: float) -> float:
-    """Return an upper estimate of the integral of |rho|, from rho (3, n) at the quarters."""
+    """Return an upper estimate of the integral of |rho|, from rho (5, n) at the quarters."""
     if not len(rho):
         return 0.0
-    a, b, c = np.linalg.norm(rho, axis=1)
-    boole = (32.0 * (a + c) + 12.0 * b) / 90.0
-    return H * (boole + abs(boole - 4.0 * b / 6.0))
+    sizes = np.linalg.norm(rho, axis=1)
+    fine = boole(sizes)
+    return H * (fine + abs(fine - (sizes[0] + 4.0 * sizes[2] + sizes[4]) / 6.0))
 
 
 class _Flow:
     """P delta over an interval of length H, carried on by the flow exp(s A), A = P J P, and by the
-    residuals rho (3, n) at its quarters.
+    residuals rho (5, n) at its quarters.
 
-    end (n,): at its end; integral (n,): over it; error, lack: bounds of what the formulas of `end`
-    and `integral` leave out.
+    start, end (n,): at its ends, bend: how far it may be from the line between them; integral (n,):
+    over it; error, lack: bounds of what the formulas of `end` and `integral` leave out.
     """
 
     def __init__(self, s: Split, delta: np.ndarray, rho: np.ndarray, H: float):
-        first = s.tangent @ delta
-        self.end = _flow(H * s.along, first)
-        self.integral = H * _flow(H * s.along, first, kind=1)
+        rate = H * float(np.linalg.norm(s.along))
+        self.start = s.tangent @ delta
+        self.end = _flow(H * s.along, self.start)
+        self.integral = H * _flow(H * s.along, self.start, kind=1)
+        size = _size(rho @ s.tangent, H)
+        self.bend = size + 0.125 * rate * rate * np.exp(rate) * float(np.linalg.norm(self.start))
         self.error = 0.0
         self.lack = 0.0
         if not len(rho):
             return
-        a, b, c = rho @ s.tangent
-        total = H * (32.0 * (a + c) + 12.0 * b) / 90.0
-        simpson = H * 4.0 * b / 6.0
-        rate = H * float(np.linalg.norm(s.along))
-        size = _size(rho @ s.tangent, H)
+        at = rho @ s.tangent
+        total = H * boole(at)
+        simpson = H / 6.0 * (at[0] + 4.0 * at[2] + at[4])
         rough = float(np.linalg.norm(total - simpson))
-        # the first moment of rho about the middle, which the formulas leave out
-        moment = 0.25 * H * float(np.linalg.norm(c - a))
+        # the first moment of rho about the middle, which the formulas leave out, by Boole's rule is
+        # 0.089 (at[3] - at[1]) + 0.039 (at[4] - at[0]) times H
+        moment = H * float(np.linalg.norm(0.25 * (at[3] - at[1]) + 0.1 * (at[4] - at[0])))
         # residuals are carried on from the middle of the interval
         self.end = self.end + total + 0.5 * H * (s.along @ total)
         self.error = rough + rate * rate * size + rate * moment

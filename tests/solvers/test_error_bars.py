@@ -12,7 +12,7 @@ from nsbench.cli import main
 from nsbench.reference import reference
 from nsbench.solvers.common.time_grid import grid
 
-FLAT = ("tide", "rods[n=5]", "wedge", "play", "moving_floor")
+FLAT = ("tide", "rods[n=5]", "wedge", "play", "moving_floor", "box_turning")
 CURVED = ("discs[n=3]", "three_discs", "obstacle")
 
 
