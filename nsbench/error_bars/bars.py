@@ -123,17 +123,14 @@ class Path:
         arcs = self.shadow.arcs(t, H, Y[at], Y[at + 1], F[at], F[at + 1], ids)
         self.size[at] = arcs.sizes(H)
         self.push[at] = arcs.vectors(H)
-        self.along[at] = arcs.fields(H, F[at], F[at + 1])
+        self.along[at] = arcs.fields(H)
         rows = self.shadow.rows(ids)
-        loads = arcs.loads()
         for k, j in enumerate(at):
-            self.middle[int(j)] = rows, arcs.middle[k], arcs.q[k, 1]
+            self.middle[int(j)] = rows, arcs.middle[k], arcs.q[2, k]
             states = np.array([Y[j], arcs.middle[k], Y[j + 1]])
             place = float(t[k]), float(H[k]), states
-            closed = frozenset(ids)
-            rho = np.zeros((5, Y.shape[1]))
-            rho[1:4] = arcs.residual[k]
-            stretch = Stretch(*place, rows.ids, loads[k], closed, rho, 0.0)
+            loads = arcs.q[:, k]
+            stretch = Stretch(*place, rows.ids, loads, frozenset(ids), arcs.residual[:, k], 0.0)
             self.stretches[int(j)] = [stretch]
         return {int(j) for j in at[~arcs.inside]}
 

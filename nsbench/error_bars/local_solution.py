@@ -21,7 +21,16 @@ from nsbench.error_bars.contact_rows import (
     off_cone,
     times,
 )
-from nsbench.error_bars.shadow import CLOSED, NEWTON, Shadow, Stretch, boole, hermite
+from nsbench.error_bars.shadow import (
+    CLOSED,
+    NEWTON,
+    REPAIRS,
+    Shadow,
+    Stretch,
+    boole,
+    doubt,
+    hermite,
+)
 
 PIECES = (1, 2, 4, 8)  # of an interval, beside those that events make
 SMALL = 0.1  # of the run's error over the interval: a residual that needs no more pieces
@@ -52,7 +61,7 @@ def local_solution(
     for pieces in PIECES:
         found = _in_pieces(shadow, t, H, y, pieces)
         error = float(np.linalg.norm(target - found.state))
-        if not found.is_complete or found.residual <= SMALL * error:
+        if not found.is_complete or found.residual <= SMALL * error + CLOSED:
             break
     return found
 
@@ -101,9 +110,15 @@ class _Piece:
         self.length = dt
         self.is_cut = False
         f = self._field(0.0, y)
-        self.closed, self.open = self._contacts(dt, np.linalg.norm(f))
-        # what is closed up to CLOSED is closed up to rounding, by a jump that counts as residual
-        self.y = self.closed.closed(np.array([t]), y[None])[0]
+        for _ in range(REPAIRS):
+            self.closed, self.open = self._contacts(dt, np.linalg.norm(f))
+            # what is closed up to CLOSED is closed up to rounding; the jump counts as residual
+            if not self.closed.m or not self.closed.is_straight:
+                break
+            before = self.y
+            self.y = self.closed.closed(np.array([t]), before[None])[0]
+            if np.abs(self.y - before).max() <= CLOSED / 8.0:
+                break
         self.jump = float(np.linalg.norm(self.y - y))
         self.v, q = self._velocity(0.0, self.y, f)
         self._take_step()
@@ -220,8 +235,6 @@ class _Piece:
             lack = times(N, dX) + rows.rates(self.t + s, X)
             rest, loads = off_cone(N, rest - normal_part(N, lack))
         sizes = np.linalg.norm(rest, axis=1)
-        fine = boole(sizes)
-        coarse = (sizes[0] + 4.0 * sizes[2] + sizes[4]) / 6.0
         stretch = Stretch(
             t=self.t,
             H=self.length,
@@ -230,6 +243,6 @@ class _Piece:
             loads=loads,
             closed=frozenset(self.closed.ids),
             residual=np.empty((0, len(self.y))),
-            slack=self.jump + self.length * (fine + abs(fine - coarse)),
+            slack=self.jump + self.length * (boole(sizes) + doubt(sizes[:, None])),
         )
         return stretch, self.length * boole(F)

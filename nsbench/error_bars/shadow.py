@@ -16,9 +16,10 @@ from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 from nsbench.error_bars.contact_rows import ContactRows, normal_part, off_cone, times
 
 CLOSED = 1e-12  # of own length: a gap that is zero up to rounding
+PULL = 1e-6  # of own speed: less of a pull at an end of an arc is part of its residual
 NEWTON = 6  # Gauss-Newton steps onto a curved face
 REPAIRS = 20  # rounds in which violated constraints are closed as well
-PLACES = (0.25, 0.5, 0.75)  # of an arc, where its residual is computed
+PLACES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of an arc, where its residual is computed
 # values at the eighths of the polynomial through the values at the quarters
 EIGHTHS = np.zeros((9, 5))
 EIGHTHS[::2] = np.eye(5)
@@ -97,10 +98,10 @@ class Shadow:
         rows = self.rows(ids)
         V0 = self.velocities(t, Y0, F0, rows)
         V1 = self.velocities(t + H, Y1, F1, rows)
-        residual = np.empty((len(t), len(PLACES), Y0.shape[1]))
+        residual = np.empty((len(PLACES), *Y0.shape))
         field = np.empty_like(residual)
         inside = np.ones(len(t), bool)
-        q = np.zeros((len(t), len(PLACES), rows.m))
+        q = np.zeros((len(PLACES), len(t), rows.m))
         for e, w in enumerate(PLACES):
             P, dP = hermite(w, H[:, None], Y0, Y1, V0, V1)
             s = t + w * H
@@ -108,16 +109,19 @@ class Shadow:
                 P = rows.closed(s, P)
             if self._static.m:
                 inside &= self._static.gaps(s, P).min(axis=1) >= -1e3 * CLOSED
-            field[:, e] = self.fields(s, P)
-            rest = dP - field[:, e]
+            field[e] = {0.0: F0, 1.0: F1}[w] if w in (0.0, 1.0) else self.fields(s, P)
+            rest = dP - field[e]
             if rows.m:
                 N = rows.gradients(s, P)
                 # the normal velocity is that of the moving face, whatever the polynomial's is
                 lack = times(N, dP) + rows.rates(s, P)
-                rest, q[:, e] = off_cone(N, rest - normal_part(N, lack))
-            residual[:, e] = rest
+                rest, q[e] = off_cone(N, rest - normal_part(N, lack))
+            residual[e] = rest
             if w == 0.5:
                 middle = P
+        # where a contact pulls at an end, the motion has left it: no arc
+        pull = np.linalg.norm(residual[:: len(PLACES) - 1], axis=2).max(axis=0)
+        inside &= pull <= PULL * np.maximum(1.0, np.linalg.norm(F0, axis=1))
         return Arcs(residual, field, inside, middle, q)
 
 
@@ -152,6 +156,8 @@ class Stretch:
         loads[::2] = self.loads
         loads[1::2] = between
         rho = EIGHTHS @ self.residual if len(self.residual) else np.empty((0, first.size))
+        # how far the quadrature over the whole may be off, halves of a polynomial do not show
+        slack = 0.5 * (self.slack + self.H * doubt(self.residual))
         parts = [
             replace(
                 self,
@@ -160,7 +166,7 @@ class Stretch:
                 states=np.array(states),
                 loads=loads[4 * k : 4 * k + 5],
                 residual=rho[4 * k : 4 * k + 5],
-                slack=0.5 * self.slack,
+                slack=slack,
             )
             for k, states in enumerate(((first, quarter, middle), (middle, late, last)))
         ]
@@ -168,9 +174,9 @@ class Stretch:
 
 
 class Arcs:
-    """Residuals (K, 3, n) and drifts (K, 3, n) at PLACES of K arcs; `inside` (K,): is it in S?
+    """Residuals (5, K, n) and drifts (5, K, n) at PLACES of K arcs; `inside` (K,): is it in S?
 
-    middle (K, n): states in the middle; q (K, 3, m): multipliers of unit gradients at PLACES.
+    middle (K, n): states in the middle; q (5, K, m): multipliers of unit gradients at PLACES.
     """
 
     def __init__(self, residual, field, inside, middle, q):
@@ -182,27 +188,18 @@ class Arcs:
 
     def sizes(self, H: np.ndarray) -> np.ndarray:
         """Return (K,) upper estimates of the integrals of |rho|: Boole's rule, and how far it is
-        from Simpson's. rho vanishes at the ends."""
-        a, b, c = np.linalg.norm(self.residual, axis=2).T
-        boole = (32.0 * (a + c) + 12.0 * b) / 90.0
-        return H * (boole + np.abs(boole - 4.0 * b / 6.0))
-
-    def loads(self) -> np.ndarray:
-        """Return (K, 5, m) the multipliers at the quarters of the arcs; at the ends they are what
-        those inside say if they are linear."""
-        first, middle, last = self.q.transpose(1, 0, 2)
-        ends = 2.0 * first - middle, first, middle, last, 2.0 * last - middle
-        return np.stack(ends, axis=1)
+        from Simpson's."""
+        sizes = np.linalg.norm(self.residual, axis=2)
+        simpson = (sizes[0] + 4.0 * sizes[2] + sizes[4]) / 6.0
+        return H * (boole(sizes) + np.abs(boole(sizes) - simpson))
 
     def vectors(self, H: np.ndarray) -> np.ndarray:
         """Return (K, n) the integrals of rho by Boole's rule."""
-        a, b, c = self.residual.transpose(1, 0, 2)
-        return H[:, None] * (32.0 * (a + c) + 12.0 * b) / 90.0
+        return H[:, None] * boole(self.residual)
 
-    def fields(self, H: np.ndarray, F0: np.ndarray, F1: np.ndarray) -> np.ndarray:
+    def fields(self, H: np.ndarray) -> np.ndarray:
         """Return (K, n) the integrals of the drift along the arcs by Boole's rule."""
-        a, b, c = self.field.transpose(1, 0, 2)
-        return H[:, None] * (7.0 * (F0 + F1) + 32.0 * (a + c) + 12.0 * b) / 90.0
+        return H[:, None] * boole(self.field)
 
 
 def hermite(w, H, Y0, Y1, V0, V1):
@@ -222,3 +219,11 @@ def boole(values: np.ndarray) -> np.ndarray:
     """Return the mean over an interval of a function, from its values at the quarters (5, ...)."""
     first, second, middle, third, last = values
     return (7.0 * (first + last) + 32.0 * (second + third) + 12.0 * middle) / 90.0
+
+
+def doubt(values: np.ndarray) -> float:
+    """Return how far Boole's rule is from Simpson's, for values (5, n) or (0, n) of a mean."""
+    if not len(values):
+        return 0.0
+    simpson = (values[0] + 4.0 * values[2] + values[4]) / 6.0
+    return float(np.linalg.norm(boole(values) - simpson))

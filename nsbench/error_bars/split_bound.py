@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from nsbench.error_bars.contact_rows import ContactRows
-from nsbench.error_bars.shadow import Stretch, boole
+from nsbench.error_bars.shadow import Stretch, boole, doubt
 
 TERMS = 19  # of exp(A) v for |A| <= 1: the rest is below rounding
 RANK = 1e-9  # relative singular value below which rows count as dependent
@@ -325,8 +325,7 @@ def _size(rho: np.ndarray, H: float) -> float:
     if not len(rho):
         return 0.0
     sizes = np.linalg.norm(rho, axis=1)
-    fine = boole(sizes)
-    return H * (fine + abs(fine - (sizes[0] + 4.0 * sizes[2] + sizes[4]) / 6.0))
+    return H * (boole(sizes) + doubt(sizes[:, None]))
 
 
 class _Flow:
@@ -350,8 +349,7 @@ class _Flow:
             return
         at = rho @ s.tangent
         total = H * boole(at)
-        simpson = H / 6.0 * (at[0] + 4.0 * at[2] + at[4])
-        rough = float(np.linalg.norm(total - simpson))
+        rough = H * doubt(at)
         # the first moment of rho about the middle, which the formulas leave out, by Boole's rule is
         # 0.089 (at[3] - at[1]) + 0.039 (at[4] - at[0]) times H
         moment = H * float(np.linalg.norm(0.25 * (at[3] - at[1]) + 0.1 * (at[4] - at[0])))
