@@ -132,6 +132,13 @@ def test_a_tolerance_is_kept(name, method):
     assert error_of(case, traj).max() >= 5e-4  # and not by far too many steps
 
 
+def test_a_tolerance_costs_at_most_twice_the_best_equal_steps():
+    case = get_case("hex")
+    traj = nsbench.solve(case, "pbd[tol=1e-2]")
+    equal = nsbench.solve(case, "pbd", h=2.0 * (case.t[-1] - case.t[0]) / traj.stats["steps"])
+    assert error_of(case, equal).max() >= error_of(case, traj).max()
+
+
 def test_a_tolerance_is_refused_where_there_are_no_error_bars():
     case = three_walls(t=np.array([0.0, 1.0]))
     assert "three samples" in nsbench.solve(case, "pbd[tol=1e-3]").status.why

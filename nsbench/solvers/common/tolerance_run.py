@@ -21,6 +21,7 @@ FIRST_STEPS = 32  # of the first pass, at least
 PASSES = 12
 SAFETY = 0.8  # of the tolerance, which a pass is to reach
 LEAST = 1.0 / 64.0  # a pass shortens steps by no more: what it knows of shorter ones is little
+POWERS = (0.0, 0.25, 0.5)  # of what is gained, with which steps are shorter; 1/2 if nothing else is
 EVEN = 2.0  # steps differ from equally long ones by at most this factor in one pass
 MOST_STEPS = 20_000_000
 
@@ -129,14 +130,21 @@ def next_steps(
     """Return steps (k - 1,) that would keep the tolerance, from the error bars with the steps h.
 
     Predicted are error bars proportional to the steps: at sample i the sum of `bars.gained` before
-    it and `bars.distance`, enlarged as the bars were.
+    it and `bars.distance`, enlarged as the bars were. Of steps as they are, longer ones where
+    little is gained, and equal ones, those are taken that need the least work.
     """
     density = np.maximum(bars.gained / spacing, 1e-300)
-    even = np.exp(np.log(density).mean())
-    ratio = np.clip(np.sqrt(even / density), 1.0 / EVEN, EVEN)
-    change = _predicted(bars, ratio) / max(_predicted(bars, np.ones_like(ratio)), 1e-300)
-    needed = SAFETY * tolerance / (float(np.max(bars.state)) * change)
-    return np.minimum(h * ratio * np.clip(needed, LEAST, 0.9), spacing)
+    mean = np.exp(np.log(density).mean())
+    ratios = [np.clip((mean / density) ** p, 1.0 / EVEN, EVEN) for p in POWERS]
+    ratios.append(np.exp(np.log(h).mean()) / h)
+    now = max(_predicted(bars, np.ones_like(h)), 1e-300)
+    found = []
+    for ratio in ratios:
+        change = _predicted(bars, ratio) / now
+        needed = SAFETY * tolerance / (float(np.max(bars.state)) * change)
+        steps = np.minimum(h * ratio * np.clip(needed, LEAST, 0.9), spacing)
+        found.append((float((spacing / steps).sum()) * max(1.0, LEAST / needed), steps))
+    return min(found, key=lambda pair: pair[0])[1]
 
 
 def _predicted(bars: Bars, ratio: np.ndarray) -> float:
