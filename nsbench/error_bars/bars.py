@@ -29,10 +29,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from nsbench.dynamics.contacts.candidates import PAIR, ROW
 from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 from nsbench.error_bars.contact_rows import ContactRows
 from nsbench.error_bars.growth import grown, linear_drift, pushed, tangential
-from nsbench.error_bars.local_solution import local_solution
+from nsbench.error_bars.local_solution import MOST_PIECES, local_solution
 from nsbench.error_bars.shadow import Shadow, Stretch
 from nsbench.error_bars.split_bound import Linear, SplitBound
 
@@ -74,9 +75,13 @@ class Path:
     """The comparison curve of a run: feasible states at its nodes, arcs and local solutions.
 
     sets: by interval the contacts that act in it. closed: by node those that act on both sides.
+    gives_up: is nothing of use behind an interval with too many events?
     """
 
-    def __init__(self, scene: ConstraintSet, drift: Callable, nodes: Nodes):
+    def __init__(
+        self, scene: ConstraintSet, drift: Callable, nodes: Nodes, gives_up: bool = False
+    ):
+        self.gives_up = gives_up
         self.shadow = Shadow(scene, drift)
         self.nodes = nodes
         self.H = np.diff(nodes.t)
@@ -92,6 +97,7 @@ class Path:
         self.push = np.zeros((K - 1, scene.n))  # the same as vectors, without that of pieces
         self.slack = np.zeros(K - 1)  # residual of the pieces of a local solution
         self.along = np.zeros((K - 1, scene.n))  # integral of the drift
+        self.doubt = np.zeros(K - 1)  # of that integral
         self.stretches: dict[int, list[Stretch]] = {}  # by interval
         self.middle: dict[int, tuple] = {}
         self.is_complete = True
@@ -124,25 +130,29 @@ class Path:
         self.size[at] = arcs.sizes(H)
         self.push[at] = arcs.vectors(H)
         self.along[at] = arcs.fields(H)
+        self.doubt[at] = arcs.doubts(H)
         rows = self.shadow.rows(ids)
         for k, j in enumerate(at):
             self.middle[int(j)] = rows, arcs.middle[k], arcs.q[2, k]
-            states = np.array([Y[j], arcs.middle[k], Y[j + 1]])
-            place = float(t[k]), float(H[k]), states
+            place = float(t[k]), float(H[k]), arcs.controls[:, k], Y[j + 1]
             loads = arcs.q[:, k]
-            stretch = Stretch(*place, rows.ids, loads, frozenset(ids), arcs.residual[:, k], 0.0)
+            rho = arcs.residual[:, k]
+            unseen = float(arcs.unseen[k])
+            stretch = Stretch(*place, rows.ids, loads, frozenset(ids), rho, unseen)
             self.stretches[int(j)] = [stretch]
         return {int(j) for j in at[~arcs.inside]}
 
     def _local(self, j: int):
         t = float(self.nodes.t[j])
         H = float(self.H[j])
-        found = local_solution(self.shadow, t, H, self.Y[j], self.Y[j + 1])
+        most = 0 if self.gives_up and not self.is_complete else MOST_PIECES
+        found = local_solution(self.shadow, t, H, self.Y[j], self.Y[j + 1], most)
         self.is_complete &= found.is_complete
         self.push[j] = self.Y[j + 1] - found.state
         self.slack[j] = found.residual
         self.size[j] = found.residual + np.linalg.norm(self.push[j])
         self.along[j] = found.drift
+        self.doubt[j] = found.doubt
         self.middle[j] = self.shadow.rows(()), 0.5 * (self.Y[j] + self.Y[j + 1]), np.empty(0)
         self.stretches[j] = found.pieces
 
@@ -154,11 +164,12 @@ class Path:
         if not SplitBound.fits(self):
             e = self._norms(drift, apart[0])
             area = np.append(0.0, np.cumsum(self.H * np.maximum(e[1:], e[:-1])))
-            return Growth(1.0, apart + e, e + drift.two_sided * area, offset)
+            return Growth(1.0, apart + e, e + drift.two_sided * area + self.doubts(), offset)
         w = SplitBound(self, drift).carried(-offset[0])
         directed = np.linalg.norm(offset + w.delta, axis=1) + w.radius
         known = offset + w.delta - w.pulled
-        return Growth(1.0, np.minimum(apart + w.norm, directed), w.radius + w.unknown, known)
+        rest = w.radius + w.unknown + self.doubts()
+        return Growth(1.0, np.minimum(apart + w.norm, directed), rest, known)
 
     def _norms(self, drift: Linear, first: float) -> np.ndarray:
         """Return (K,) bounds of |Y - x| by its size alone."""
@@ -194,6 +205,29 @@ class Path:
         reaction = LINEARISED * slack + CANCELLED * sum(norms)
         return Growth(LINEARISED, LINEARISED * state, reaction, offset + delta - pulled)
 
+    def has_passed(self) -> bool:
+        """Are particles on a line in another order somewhere than at the start?
+
+        Then S, which is convex for one order, is not convex where the run has been.
+        """
+        if not self.shadow.is_flat:
+            return False
+        rows = self.shadow.all_rows()
+        apart = (rows.near.kind == PAIR) & (rows.near.sign > 0)
+        if not rows.is_moving:
+            apart = (rows.near.kind != ROW) & (rows.near.dim == 1) & (rows.near.sign > 0)
+        if not apart.any():
+            return False
+        t = self.nodes.t
+        N = rows.gradients(t[:1], self.nodes.x[:1])[0]
+        first = rows.gaps(t[:1], self.nodes.x[:1])[0]
+        for X in (self.nodes.x, self.Y):
+            straight = first + (X - self.nodes.x[0]) @ N.T
+            off = np.abs(rows.gaps(t, X) - straight)[:, apart]
+            if off.max() > 1e-9 * max(1.0, float(np.abs(X).max())):
+                return True
+        return False
+
     def least_singular_values(self) -> np.ndarray:
         """Return (K,) the least singular values of the unit gradients of the contacts that acted
         up to each node, of those that act together; infinite as long as none did."""
@@ -214,6 +248,10 @@ class Path:
         """Return the sum over contacts and intervals of the changes of the mean multipliers."""
         means = np.diff(self.nodes.impulse, axis=0) / self.H[:, None]
         return float(np.abs(np.diff(means, axis=0)).sum())
+
+    def doubts(self) -> np.ndarray:
+        """Return (K,) the doubt of curve_drift at each node."""
+        return np.append(0.0, np.cumsum(self.doubt))
 
     def curve_drift(self) -> np.ndarray:
         """Return (K, n) the integral of the drift along the curve up to each node."""

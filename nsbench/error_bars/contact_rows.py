@@ -148,3 +148,18 @@ def off_cone(N: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
         q[k] = nnls(N[k].T, d[k])[0]
     return d - _back(N, q), q
+
+
+def least_change(N: np.ndarray, c: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return v (n,) nearest to f (n,) with N v >= c, and q (m,) >= 0 with v = f + N^T q.
+
+    A least-distance problem, solved as nonnegative least squares (Lawson & Hanson, Solving Least
+    Squares Problems, 1974, chapter 23).
+    """
+    from scipy.optimize import nnls
+
+    need = c - N @ f
+    target = np.append(np.zeros(len(f)), 1.0)
+    u, _ = nnls(np.vstack([N.T, need]), target)
+    q = u / max(1.0 - float(need @ u), 1e-300)
+    return f + N.T @ q, q

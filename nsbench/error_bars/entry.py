@@ -160,9 +160,12 @@ def _in_own_units(case: Case, traj: Trajectory) -> Bars:
     from nsbench.error_bars.bars import Path
 
     nodes = _nodes(traj)
-    path = Path(ConstraintSet(case.problem, case.n), as_numpy(case.problem.drift), nodes)
-    at = np.searchsorted(nodes.t, traj.t)
     proven = is_convex(case.problem)
+    scene = ConstraintSet(case.problem, case.n)
+    path = Path(scene, as_numpy(case.problem.drift), nodes, gives_up=not proven)
+    passed = proven and path.has_passed()
+    proven = proven and not passed
+    at = np.searchsorted(nodes.t, traj.t)
     parts = path.bound() if proven else path.estimate()
     # rounding of one addition per step, which no residual shows
     rounding = float(np.spacing(np.abs(traj.x).max())) * traj.stats.get("steps", len(nodes.t))
@@ -172,6 +175,8 @@ def _in_own_units(case: Case, traj: Trajectory) -> Bars:
     reaction = parts.factor * off + parts.reaction[at] + rounding
     impulse = np.maximum.accumulate(reaction) / path.least_singular_values()[at]
     why = _doubt(path, state.max(), particle_distance(case), proven)
+    if passed:
+        why = "Particles have passed through one another: the run is in another order."
     distance = np.linalg.norm((nodes.x - path.Y)[at], axis=1)
     gained = np.add.reduceat(path.size, at[:-1])
     variation = path.multiplier_variation()

@@ -9,13 +9,16 @@ their residual counts no longer beside the run's own error.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import brentq
 
 from nsbench.error_bars.contact_rows import (
+    DAMPING,
     ContactRows,
+    least_change,
     multipliers,
     normal_part,
     off_cone,
@@ -23,10 +26,15 @@ from nsbench.error_bars.contact_rows import (
 )
 from nsbench.error_bars.shadow import (
     CLOSED,
+    HIDDEN,
+    HIDDEN_WEIGHTS,
     NEWTON,
+    PULL,
     REPAIRS,
     Shadow,
     Stretch,
+    bezier,
+    bezier_middle,
     boole,
     doubt,
     hermite,
@@ -37,46 +45,57 @@ SMALL = 0.1  # of the run's error over the interval: a residual that needs no mo
 MOST_PIECES = 200
 CLOSING = 45  # bits of a piece to which the time is known at which a gap closes
 RELEASE = 20  # and at which a multiplier vanishes, which needs less: the motion has no kink there
-LOOKS = np.arange(1, 9) / 8.0  # of a piece, where a gap may be found closed
+LOOKS = np.arange(1, 33) / 32.0  # of a piece, where a gap may be found closed
 PLACES = np.arange(5) / 4.0  # of a piece, where its residual is computed
 
 
 @dataclass(frozen=True)
 class LocalSolution:
     """Where a local solution ends: state (n,), bound of the integral of its residual, integral
-    (n,) of the drift along it, its pieces, and whether it got to the end of its interval.
+    (n,) of the drift along it and its doubt, its pieces, and whether it got to the end of its
+    interval.
     """
 
     state: np.ndarray
     residual: float
     drift: np.ndarray
+    doubt: float
     pieces: list[Stretch]
     is_complete: bool
 
 
 def local_solution(
-    shadow: Shadow, t: float, H: float, y: np.ndarray, target: np.ndarray
+    shadow: Shadow, t: float, H: float, y: np.ndarray, target: np.ndarray, most: int = MOST_PIECES
 ) -> LocalSolution:
-    """Integrate over [t, t + H] from the state y (n,) of S; target (n,): where the run went."""
+    """Integrate over [t, t + H] from the state y (n,) of S, in at most so many pieces.
+
+    target (n,): where the run went.
+    """
     for pieces in PIECES:
-        found = _in_pieces(shadow, t, H, y, pieces)
+        found = _in_pieces(shadow, t, H, y, pieces, most)
         error = float(np.linalg.norm(target - found.state))
         if not found.is_complete or found.residual <= SMALL * error + CLOSED:
             break
     return found
 
 
-def _in_pieces(shadow: Shadow, t: float, H: float, y: np.ndarray, pieces: int) -> LocalSolution:
+def _in_pieces(
+    shadow: Shadow, t: float, H: float, y: np.ndarray, pieces: int, most: int
+) -> LocalSolution:
     ends = t + H * np.arange(1, pieces + 1) / pieces
     now = t
+    closed: Sequence[tuple] = ()
     total = np.zeros_like(y)
+    unsure = 0.0
     at = 0
     found: list[Stretch] = []
-    for _ in range(MOST_PIECES):
+    for _ in range(most):
         piece = _Piece(shadow, now, float(ends[at]) - now, y)
-        stretch, along = piece.end()
+        closed = piece.closed.ids
+        stretch, along, part = piece.end()
+        unsure += part
         found.append(stretch)
-        y = stretch.states[2]
+        y = stretch.end
         total += along
         now += piece.length
         if not piece.is_cut:
@@ -89,15 +108,16 @@ def _in_pieces(shadow: Shadow, t: float, H: float, y: np.ndarray, pieces: int) -
         # too many events: the curve waits where it is for the rest of the interval
         f = np.asarray(shadow.drift(now, y), float)
         total += left * f
-        found.append(_waiting(now, left, y, left * float(np.linalg.norm(f)), piece.closed.ids))
+        found.append(_waiting(now, left, y, left * float(np.linalg.norm(f)), closed))
     residual = sum(s.slack for s in found)
-    return LocalSolution(y, residual, total, found, left == 0.0)
+    return LocalSolution(y, residual, total, unsure, found, left == 0.0)
 
 
 def _waiting(t: float, H: float, y: np.ndarray, slack: float, closed) -> Stretch:
     loads = np.empty((len(PLACES), 0))
     no_residual = np.empty((0, len(y)))
-    return Stretch(t, H, np.array([y] * 3), (), loads, frozenset(closed), no_residual, slack)
+    states = np.array([y] * 4)
+    return Stretch(t, H, states, y, (), loads, frozenset(closed), no_residual, slack)
 
 
 class _Piece:
@@ -109,6 +129,7 @@ class _Piece:
         self.y = y
         self.length = dt
         self.is_cut = False
+        self.pushing: np.ndarray | None = None  # contacts with positive multipliers
         f = self._field(0.0, y)
         for _ in range(REPAIRS):
             self.closed, self.open = self._contacts(dt, np.linalg.norm(f))
@@ -149,12 +170,19 @@ class _Piece:
     def _contacts(self, dt, speed) -> tuple[ContactRows, ContactRows]:
         """Return the rows of the closed contacts, and of those that may close within dt."""
         scene = self.shadow.scene
-        reach = np.inf if scene.moving and not scene.hard else 4.0 * dt * speed + CLOSED
-        near = scene.near(self.y, reach, self.t)
-        g = scene.gaps(self.t, self.y, near)
-        ids = near.ids
+        if self.shadow.is_flat:
+            rows = self.shadow.all_rows()
+            g = rows.gaps(np.array([self.t]), self.y[None])[0]
+            ids = rows.ids
+            open_ = g > CLOSED
+        else:
+            reach = 4.0 * dt * speed + CLOSED
+            near = scene.near(self.y, reach, self.t)
+            g = scene.gaps(self.t, self.y, near)
+            ids = near.ids
+            open_ = (g > CLOSED) & ((g <= reach) | scene.moving)
         closed = [ids[k] for k in np.flatnonzero(g <= CLOSED)]
-        may = [ids[k] for k in np.flatnonzero((g > CLOSED) & ((g <= reach) | scene.moving))]
+        may = [ids[k] for k in np.flatnonzero(open_)]
         return self.shadow.rows(closed), self.shadow.rows(may)
 
     def _velocity(self, s, x, f) -> tuple[np.ndarray, np.ndarray]:
@@ -166,8 +194,24 @@ class _Piece:
         N = rows.gradients(at, x[None])
         rates = rows.rates(at, x[None])
         base = -normal_part(N, rates)
-        rest, q = off_cone(N, -(f - base))
+        if np.abs(times(N, base) + rates).max() > PULL * max(1.0, np.linalg.norm(f)):
+            return least_change(N[0], -rates[0], f)  # walls that move apart: no v keeps all closed
+        rest, q = self._off_cone(N, -(f - base))
         return base[0] - rest[0], q[0]
+
+    def _off_cone(self, N, d):
+        """Split d (1, n) as off_cone does; the contacts that pushed last are tried first."""
+        if self.pushing is not None:
+            some = N[:, self.pushing]
+            q = np.zeros(N.shape[:2])
+            q[:, self.pushing] = multipliers(some, times(some, d))[0]
+            rest = d - (q[:, None] @ N)[:, 0]
+            opens = times(N, rest).max() <= 10.0 * DAMPING * np.linalg.norm(d)
+            if opens and q.min() >= 0.0:
+                return rest, q
+        rest, q = off_cone(N, d)
+        self.pushing = np.flatnonzero(q[0] > 0.0)
+        return rest, q
 
     def _stop_at_closing(self):
         """Shorten the piece to the time at which the first open contact closes."""
@@ -217,16 +261,25 @@ class _Piece:
         self.length = end
         self.is_cut = True
 
-    def end(self) -> tuple[Stretch, np.ndarray]:
-        """Return the piece as a stretch, and the integral (n,) of the drift along it."""
+    def end(self) -> tuple[Stretch, np.ndarray, float]:
+        """Return the piece as a stretch, the integral (n,) of the drift along it, and its doubt."""
         s = self.length * PLACES
         X, dX = self._curve(s)
         _, q = self._velocity(s[2], X[2], self._field(s[2], X[2]))
         acting = tuple(c for c, load in zip(self.closed.ids, q, strict=True) if load > 0.0)
         rows = self.shadow.rows(acting)
-        if rows.m and (rows.is_moving or not rows.is_straight):
-            X = rows.closed(self.t + s, X, NEWTON)
+        controls = bezier(X[0], X[-1], self.length * dX[0], self.length * dX[-1])
+        if rows.m:
+            on = rows.closed(self.t + s, X, 1 if rows.is_straight else NEWTON)
+            if rows.is_straight:  # no part of the residual knows of the shift
+                self.jump += float(np.abs(np.diff(on - X, axis=0)).sum())
+            X = on
+        controls += X[2] - bezier_middle(controls)
         F = self.shadow.fields(self.t + s, X)
+        hidden = self.length * np.array(HIDDEN)
+        found = self.shadow.fields(self.t + hidden, self._curve(hidden)[0])
+        off = found - np.array(HIDDEN_WEIGHTS) @ F
+        unseen = self.length * float(np.linalg.norm(off, axis=1).max())
         rest = dX - F
         loads = np.empty((len(s), 0))
         if rows.m:
@@ -238,11 +291,12 @@ class _Piece:
         stretch = Stretch(
             t=self.t,
             H=self.length,
-            states=X[::2],
+            states=controls,
+            end=X[-1],
             ids=acting,
             loads=loads,
             closed=frozenset(self.closed.ids),
             residual=np.empty((0, len(self.y))),
-            slack=self.jump + self.length * (boole(sizes) + doubt(sizes[:, None])),
+            slack=self.jump + unseen + self.length * (boole(sizes) + doubt(sizes[:, None])),
         )
-        return stretch, self.length * boole(F)
+        return stretch, self.length * boole(F), self.length * doubt(F) + unseen

@@ -18,8 +18,14 @@ from nsbench.error_bars.contact_rows import ContactRows, normal_part, off_cone, 
 CLOSED = 1e-12  # of own length: a gap that is zero up to rounding
 PULL = 1e-6  # of own speed: less of a pull at an end of an arc is part of its residual
 NEWTON = 6  # Gauss-Newton steps onto a curved face
+MOST_ROWS = 2_000  # constraints that are all looked at
 REPAIRS = 20  # rounds in which violated constraints are closed as well
 PLACES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of an arc, where its residual is computed
+HIDDEN = (0.137, 0.571, 0.883)  # where a drift that oscillates from quarter to quarter shows itself
+HIDDEN_WEIGHTS = [
+    [np.prod([(w - b) / (a - b) for b in PLACES if b != a]) for a in PLACES] for w in HIDDEN
+]
+BETWEEN = tuple(k / 16.0 for k in range(1, 16) if k % 4)  # where it must be in S as well
 # values at the eighths of the polynomial through the values at the quarters
 EIGHTHS = np.zeros((9, 5))
 EIGHTHS[::2] = np.eye(5)
@@ -39,6 +45,11 @@ class Shadow:
         self.drift = drift
         self._rows: dict[tuple, ContactRows] = {}
         self._static = ContactRows(scene, scene.all_static().ids)
+        pairs = sum(m * (m - 1) // 2 for _, _, m in scene.hard)
+        # few faces, all flat: then all are looked at wherever one may close
+        self.is_flat = all(c.dim == 1 for _, c, _ in scene.hard)
+        self.is_flat &= pairs + len(scene.all_static()) <= MOST_ROWS
+        self._all: ContactRows | None = None
 
     def rows(self, ids: Sequence[tuple]) -> ContactRows:
         """Return the rows of the contacts `ids`, made once."""
@@ -46,6 +57,13 @@ class Shadow:
         if key not in self._rows:
             self._rows[key] = ContactRows(self.scene, key)
         return self._rows[key]
+
+    def all_rows(self) -> ContactRows:
+        """Return the rows of all constraints, for scenes with few of them."""
+        if self._all is None:
+            origin = np.zeros(self.scene.n)
+            self._all = self.rows(self.scene.near(origin, np.inf, 0.0).ids)
+        return self._all
 
     def fields(self, t: np.ndarray, X: np.ndarray) -> np.ndarray:
         """Return (K, n) the drift at K states."""
@@ -109,6 +127,9 @@ class Shadow:
                 P = rows.closed(s, P)
             if self._static.m:
                 inside &= self._static.gaps(s, P).min(axis=1) >= -1e3 * CLOSED
+            if rows.m and rows.is_straight:
+                # both sides of a slab may act in one interval: no state closes both
+                inside &= np.abs(rows.gaps(s, P)).max(axis=1) <= 1e3 * CLOSED
             field[e] = {0.0: F0, 1.0: F1}[w] if w in (0.0, 1.0) else self.fields(s, P)
             rest = dP - field[e]
             if rows.m:
@@ -119,25 +140,40 @@ class Shadow:
             residual[e] = rest
             if w == 0.5:
                 middle = P
+        if self._static.m:
+            for w in BETWEEN:
+                P, _ = hermite(w, H[:, None], Y0, Y1, V0, V1)
+                if rows.m and not (rows.is_straight and not rows.is_moving):
+                    P = rows.closed(t + w * H, P)
+                inside &= self._static.gaps(t + w * H, P).min(axis=1) >= -1e3 * CLOSED
         # where a contact pulls at an end, the motion has left it: no arc
         pull = np.linalg.norm(residual[:: len(PLACES) - 1], axis=2).max(axis=0)
         inside &= pull <= PULL * np.maximum(1.0, np.linalg.norm(F0, axis=1))
-        return Arcs(residual, field, inside, middle, q)
+        unseen = np.zeros(len(t))
+        for w, weights in zip(HIDDEN, HIDDEN_WEIGHTS, strict=True):
+            P, _ = hermite(w, H[:, None], Y0, Y1, V0, V1)
+            expected = np.tensordot(weights, field, axes=1)
+            off = np.linalg.norm(self.fields(t + w * H, P) - expected, axis=1)
+            unseen = np.maximum(unseen, H * off)
+        controls = bezier(Y0, Y1, H[:, None] * V0, H[:, None] * V1)
+        controls += middle - bezier_middle(controls)
+        return Arcs(residual, field, inside, middle, q, controls, unseen)
 
 
 @dataclass(frozen=True)
 class Stretch:
     """Part of a comparison curve on which the same contacts act, from t over a length H.
 
-    states (3, n): at its beginning, middle and end; loads (5, m): multipliers of the unit gradients
-    of the acting contacts `ids` at its quarters, ends included; closed: all contacts that are
-    closed on it; residual (5, n): at its quarters, or (0, n); slack: bound of the integral of what
-    residual does not hold.
+    states (4, n): Bezier control points, whose hull holds the curve; end (n,): its last state;
+    loads (5, m): multipliers of the unit gradients of the acting contacts `ids` at its quarters,
+    ends included; closed: all contacts that are closed on it; residual (5, n): at its quarters, or
+    (0, n); slack: bound of the integral of what residual does not hold.
     """
 
     t: float
     H: float
     states: np.ndarray
+    end: np.ndarray
     ids: tuple
     loads: np.ndarray
     closed: frozenset
@@ -145,30 +181,34 @@ class Stretch:
     slack: float
 
     def halves(self) -> tuple[Stretch, Stretch]:
-        """Return both halves: states by their parabola, multipliers as piecewise linear, residuals
-        by the polynomial of degree 4."""
-        first, middle, last = self.states
-        bend = 0.125 * (first - 2.0 * middle + last)
-        quarter = 0.5 * (first + middle) - bend
-        late = 0.5 * (middle + last) - bend
+        """Return both halves: control points by de Casteljau's algorithm, multipliers as piecewise
+        linear, residuals by the polynomial of degree 4."""
+        a, b, c, d = self.states
+        ab = 0.5 * (a + b)
+        bc = 0.5 * (b + c)
+        cd = 0.5 * (c + d)
+        abc = 0.5 * (ab + bc)
+        bcd = 0.5 * (bc + cd)
+        middle = 0.5 * (abc + bcd)
         between = 0.5 * (self.loads[:-1] + self.loads[1:])
         loads = np.empty((9, self.loads.shape[1]))
         loads[::2] = self.loads
         loads[1::2] = between
-        rho = EIGHTHS @ self.residual if len(self.residual) else np.empty((0, first.size))
+        rho = EIGHTHS @ self.residual if len(self.residual) else np.empty((0, a.size))
         # how far the quadrature over the whole may be off, halves of a polynomial do not show
-        slack = 0.5 * (self.slack + self.H * doubt(self.residual))
+        slack = 0.5 * self.slack + self.H * doubt(self.residual)
         parts = [
             replace(
                 self,
                 t=self.t + 0.5 * k * self.H,
                 H=0.5 * self.H,
                 states=np.array(states),
+                end=states[-1],
                 loads=loads[4 * k : 4 * k + 5],
                 residual=rho[4 * k : 4 * k + 5],
                 slack=slack,
             )
-            for k, states in enumerate(((first, quarter, middle), (middle, late, last)))
+            for k, states in enumerate(((a, ab, abc, middle), (middle, bcd, cd, d)))
         ]
         return parts[0], parts[1]
 
@@ -176,22 +216,26 @@ class Stretch:
 class Arcs:
     """Residuals (5, K, n) and drifts (5, K, n) at PLACES of K arcs; `inside` (K,): is it in S?
 
-    middle (K, n): states in the middle; q (5, K, m): multipliers of unit gradients at PLACES.
+    middle (K, n): states in the middle; q (5, K, m): multipliers of unit gradients at PLACES;
+    controls (4, K, n): Bezier control points; unseen (K,): integrals of what the drift is beside
+    the polynomial through PLACES, as far as HIDDEN places show it.
     """
 
-    def __init__(self, residual, field, inside, middle, q):
+    def __init__(self, residual, field, inside, middle, q, controls, unseen):
         self.residual = residual
         self.field = field
         self.inside = inside
         self.middle = middle
         self.q = q
+        self.controls = controls
+        self.unseen = unseen
 
     def sizes(self, H: np.ndarray) -> np.ndarray:
         """Return (K,) upper estimates of the integrals of |rho|: Boole's rule, and how far it is
         from Simpson's."""
         sizes = np.linalg.norm(self.residual, axis=2)
         simpson = (sizes[0] + 4.0 * sizes[2] + sizes[4]) / 6.0
-        return H * (boole(sizes) + np.abs(boole(sizes) - simpson))
+        return H * (boole(sizes) + np.abs(boole(sizes) - simpson)) + self.unseen
 
     def vectors(self, H: np.ndarray) -> np.ndarray:
         """Return (K, n) the integrals of rho by Boole's rule."""
@@ -200,6 +244,11 @@ class Arcs:
     def fields(self, H: np.ndarray) -> np.ndarray:
         """Return (K, n) the integrals of the drift along the arcs by Boole's rule."""
         return H[:, None] * boole(self.field)
+
+    def doubts(self, H: np.ndarray) -> np.ndarray:
+        """Return (K,) how far the integrals of the drift are from those by Simpson's rule."""
+        simpson = (self.field[0] + 4.0 * self.field[2] + self.field[4]) / 6.0
+        return H * np.linalg.norm(boole(self.field) - simpson, axis=1) + self.unseen
 
 
 def hermite(w, H, Y0, Y1, V0, V1):
@@ -227,3 +276,13 @@ def doubt(values: np.ndarray) -> float:
         return 0.0
     simpson = (values[0] + 4.0 * values[2] + values[4]) / 6.0
     return float(np.linalg.norm(boole(values) - simpson))
+
+
+def bezier(Y0, Y1, D0, D1) -> np.ndarray:
+    """Return (4, ...) the control points of the cubic from Y0 to Y1 with the derivatives D0, D1."""
+    return np.array([Y0, Y0 + D0 / 3.0, Y1 - D1 / 3.0, Y1])
+
+
+def bezier_middle(points: np.ndarray) -> np.ndarray:
+    """Return the cubic with these control points (4, ...) in the middle."""
+    return (points[0] + 3.0 * (points[1] + points[2]) + points[3]) / 8.0

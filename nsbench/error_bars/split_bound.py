@@ -27,7 +27,6 @@ from nsbench.error_bars.shadow import Stretch, boole, doubt
 TERMS = 19  # of exp(A) v for |A| <= 1: the rest is below rounding
 RANK = 1e-9  # relative singular value below which rows count as dependent
 HALVINGS = 3  # of a stretch on which x may close or open contacts at another time than Y
-MOST_ROWS = 2_000  # constraints whose gaps are looked at in every interval
 
 
 @dataclass(frozen=True)
@@ -178,9 +177,7 @@ class SplitBound:
     @classmethod
     def fits(cls, path) -> bool:
         """Are there few enough constraints to look at all of them?"""
-        scene = path.shadow.scene
-        pairs = sum(m * (m - 1) // 2 for _, _, m in scene.hard)
-        return pairs + len(scene.all_static()) <= MOST_ROWS
+        return path.shadow.is_flat
 
     def split(self, contacts: tuple) -> Split:
         """Return the subspaces of contacts, by their places among all rows."""
@@ -243,12 +240,16 @@ class SplitBound:
 
     def _least_gaps(self, stretches: list[Stretch]) -> np.ndarray:
         """Return (K, m) lower bounds of all gaps along K stretches."""
-        times = np.concatenate([[s.t, s.t + 0.5 * s.H, s.t + s.H] for s in stretches])
+        parts = np.arange(4) / 3.0
+        times = np.concatenate([s.t + parts * s.H for s in stretches])
         gaps = self.rows.gaps(times, np.concatenate([s.states for s in stretches]))
-        gaps = gaps.reshape(len(stretches), 3, -1)
-        # between the three states a gap is taken as a parabola, of twice its curvature
-        bend = np.abs(gaps[:, 0] - 2.0 * gaps[:, 1] + gaps[:, 2])
-        return gaps.min(axis=1) - 0.25 * bend
+        gaps = gaps.reshape(len(stretches), 4, -1)
+        # a cubic is in the hull of its control points; what walls move besides is taken as bent
+        least = gaps.min(axis=1)
+        if self.rows.is_moving:
+            bend = np.abs(np.diff(gaps, n=2, axis=1)).max(axis=1)
+            least = least - 0.5 * bend
+        return least
 
     def pulls(self, at: Stretch, split: Split) -> list[np.ndarray]:
         """Return (4,) kappa of each part in the quarters of a stretch: 0.0 unless all of its
@@ -277,6 +278,7 @@ class _Step:
         most = max(1.0, np.exp(drift.one_sided * H)) * (known.size + most)
         radii = known.radii_in(s).copy()
         self.split = s
+        self.two_sided = bound.rows.near.sign < 0
         self.peaks = np.zeros(len(radii))
         self.flow = _Flow(s, known.delta, at.residual, H)
         pulls = bound.pulls(at, s)
@@ -306,6 +308,9 @@ class _Step:
             parts = [np.linalg.norm(N @ p.projection, axis=1) for p in self.split.parts]
             self.split.sizes = np.array(parts)
         ends = np.maximum(N @ self.flow.start, N @ self.flow.end)
+        # a link in one dimension has two ends, on either of which x may be
+        other = np.maximum(-(N @ self.flow.start), -(N @ self.flow.end))
+        ends = np.where(self.two_sided, np.maximum(ends, other), ends)
         return ends + self.flow.bend + self.peaks @ self.split.sizes
 
 

@@ -92,6 +92,63 @@ def test_a_bound_has_the_units_of_the_state():
     assert np.array_equal(one.bound.reaction * 2.0**10, two.bound.reaction)
 
 
+def point_scene(f, rows, gaps, t, x0=(0.0,)):
+    """A point under the drift f(xp, t, x) beside the walls rows . x + gaps >= 0."""
+
+    def drift(xp):
+        return lambda t, x: xp.array(f(xp, t, x))
+
+    walls = Affine(A=np.array(rows, float), b=np.array(gaps, float))
+    problem = Complementarity(drift, (walls,))
+    return Case(name="point", problem=problem, x0=np.array(x0), t=np.array(t, float))
+
+
+HARD_TO_SEE = {
+    # pressed all the time: nothing but the integral of the drift along the curve is wrong
+    "pressed": point_scene(
+        lambda xp, t, x: [-2.0 + xp.cos(6.0 * t + 0.3)], [[1.0]], [0.0], np.arange(0.0, 7.0)
+    ),
+    # at rest where an interval begins: what is near cannot be told by the speed there
+    "rest": point_scene(
+        lambda xp, t, x: [xp.sin(2.0 * t), x[0] + xp.sin(2.0 * t)],
+        [[-10.0, 0.0]],
+        [1.0],
+        np.arange(0.0, 4.1, 0.5),
+        (0.0, 0.0),
+    ),
+    # both walls of a slab act in every interval, never at once
+    "slab": point_scene(
+        lambda xp, t, x: [2.0 * xp.cos(31.4 * t + 0.3)],
+        [[1.0], [-1.0]],
+        [0.025, 0.025],
+        np.arange(0.0, 3.01, 0.1),
+    ),
+    # the quarters of the intervals see a constant drift
+    "aliased": point_scene(
+        lambda xp, t, x: [3.0 * xp.cos(8.0 * np.pi * t)], [[1.0]], [90.0], np.arange(0.0, 6.0)
+    ),
+}
+
+
+@pytest.mark.parametrize("h", [1.0, 0.06])
+@pytest.mark.parametrize("name", HARD_TO_SEE)
+def test_a_bound_holds_where_the_recorded_states_show_little(name, h):
+    case = HARD_TO_SEE[name]
+    truth = nsbench.solve(case, "event_driven")
+    assert truth.status.ok
+    traj = nsbench.solve(case, "pbd", h=min(h, case.t[1]))
+    assert traj.bound.is_proven
+    assert np.all(traj.bound.state >= np.linalg.norm(traj.x - truth.x, axis=1) - 1e-10)
+    off = np.linalg.norm(traj.reaction - truth.reaction, axis=1)
+    assert np.all(traj.bound.reaction >= off - 1e-10)
+
+
+def test_no_bound_is_proven_behind_particles_that_passed_through_one_another():
+    traj = nsbench.solve("rods[n=10]", "pbd", h=0.1)
+    assert not traj.bound.is_proven
+    assert "passed" in traj.bound.why
+
+
 @pytest.mark.parametrize("name, most", [("tide", 1.5), ("discs[n=10]", 6.0)])
 def test_error_bars_shrink_with_the_step_as_far_as_the_error_does(name, most):
     # local solutions of low order have a residual that does not depend on the step of the run
