@@ -40,12 +40,12 @@ from nsbench.error_bars.shadow import (
     hermite,
 )
 
-PIECES = (1, 2, 4, 8)  # of an interval, beside those that events make
+PIECES = (1, 4)  # of an interval, beside those that events make
 SMALL = 0.1  # of the run's error over the interval: a residual that needs no more pieces
 MOST_PIECES = 200
 CLOSING = 45  # bits of a piece to which the time is known at which a gap closes
 RELEASE = 20  # and at which a multiplier vanishes, which needs less: the motion has no kink there
-LOOKS = np.arange(1, 33) / 32.0  # of a piece, where a gap may be found closed
+LOOKS = np.arange(1, 17) / 16.0  # of a piece, where a gap may be found closed
 PLACES = np.arange(5) / 4.0  # of a piece, where its residual is computed
 
 

@@ -22,11 +22,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from nsbench.error_bars.contact_rows import ContactRows
-from nsbench.error_bars.shadow import Stretch, boole, doubt
+from nsbench.error_bars.shadow import CLOSED, Stretch, boole, doubt
 
 TERMS = 19  # of exp(A) v for |A| <= 1: the rest is below rounding
 RANK = 1e-9  # relative singular value below which rows count as dependent
-HALVINGS = 3  # of a stretch on which x may close or open contacts at another time than Y
+HALVINGS = 2  # of a stretch on which x may close or open contacts at another time than Y
 
 
 @dataclass(frozen=True)
@@ -170,8 +170,8 @@ class SplitBound:
         self.place = {c: k for k, c in enumerate(self.rows.ids)}
         self.N = self.rows.gradients(path.nodes.t[:1], path.Y[:1])[0]
         stretches = [s for j in range(len(path.H)) for s in path.stretches[j]]
-        least = self._least_gaps(stretches)
-        self._least = {id(s): g for s, g in zip(stretches, least, strict=True)}
+        ranges = self._gap_ranges(stretches)
+        self._ranges = {id(s): pair for s, *pair in zip(stretches, *ranges, strict=True)}
         self._splits: dict[tuple, Split] = {}
 
     @classmethod
@@ -221,10 +221,10 @@ class SplitBound:
     ) -> tuple[Known, np.ndarray, float]:
         """Return what is known of the error at the end of a stretch, the integral (n,) of J w over
         it, and a bound of what that lacks."""
+        least, most = self._ranges.get(id(at)) or (pair[0] for pair in self._gap_ranges([at]))
+        # on a contact that is closed all along, though another one acts, halves would be no shorter
         contacts = {self.place[c] for c in at.closed}
-        least = self._least.get(id(at))
-        if least is None:
-            least = self._least_gaps([at])[0]
+        contacts |= set(np.flatnonzero(most <= 1e3 * CLOSED).tolist())
         # the contacts that act are those of Y, and whatever x may reach while only these act
         while True:
             step = _Step(self, at, known, self.split(tuple(sorted(contacts))))
@@ -238,18 +238,17 @@ class SplitBound:
                 return known, pulled + more_pulled, unknown + more_unknown
             contacts |= more
 
-    def _least_gaps(self, stretches: list[Stretch]) -> np.ndarray:
-        """Return (K, m) lower bounds of all gaps along K stretches."""
+    def _gap_ranges(self, stretches: list[Stretch]) -> tuple[np.ndarray, np.ndarray]:
+        """Return (K, m) lower and upper bounds of all gaps along K stretches."""
         parts = np.arange(4) / 3.0
         times = np.concatenate([s.t + parts * s.H for s in stretches])
         gaps = self.rows.gaps(times, np.concatenate([s.states for s in stretches]))
         gaps = gaps.reshape(len(stretches), 4, -1)
         # a cubic is in the hull of its control points; what walls move besides is taken as bent
-        least = gaps.min(axis=1)
+        bend = np.zeros_like(gaps[:, 0])
         if self.rows.is_moving:
-            bend = np.abs(np.diff(gaps, n=2, axis=1)).max(axis=1)
-            least = least - 0.5 * bend
-        return least
+            bend = 0.5 * np.abs(np.diff(gaps, n=2, axis=1)).max(axis=1)
+        return gaps.min(axis=1) - bend, gaps.max(axis=1) + bend
 
     def pulls(self, at: Stretch, split: Split) -> list[np.ndarray]:
         """Return (4,) kappa of each part in the quarters of a stretch: 0.0 unless all of its
