@@ -161,7 +161,7 @@ class Path:
         drift = linear_drift(self.shadow.drift, self.nodes.t, self.Y)
         offset = self.nodes.x - self.Y
         apart = np.linalg.norm(offset, axis=1)
-        if not SplitBound.fits(self):
+        if not self.shadow.is_flat:  # too many constraints to look at all of them
             e = self._norms(drift, apart[0])
             area = np.append(0.0, np.cumsum(self.H * np.maximum(e[1:], e[:-1])))
             return Growth(1.0, apart + e, e + drift.two_sided * area + self.doubts(), offset)

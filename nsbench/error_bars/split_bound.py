@@ -164,20 +164,13 @@ class SplitBound:
     def __init__(self, path, drift: Linear):
         self.path = path
         self.drift = drift
-        scene = path.shadow.scene
-        near = scene.near(path.Y[0], np.inf, float(path.nodes.t[0]))
-        self.rows: ContactRows = path.shadow.rows(near.ids)
+        self.rows: ContactRows = path.shadow.all_rows()
         self.place = {c: k for k, c in enumerate(self.rows.ids)}
         self.N = self.rows.gradients(path.nodes.t[:1], path.Y[:1])[0]
         stretches = [s for j in range(len(path.H)) for s in path.stretches[j]]
         ranges = self._gap_ranges(stretches)
         self._ranges = {id(s): pair for s, *pair in zip(stretches, *ranges, strict=True)}
         self._splits: dict[tuple, Split] = {}
-
-    @classmethod
-    def fits(cls, path) -> bool:
-        """Are there few enough constraints to look at all of them?"""
-        return path.shadow.is_flat
 
     def split(self, contacts: tuple) -> Split:
         """Return the subspaces of contacts, by their places among all rows."""
