@@ -21,6 +21,7 @@ from nsbench.report.summary import Summary
 
 TARGETS = (1e-2, 1e-3, 1e-4, 1e-6)  # state errors at which methods are compared
 MOST_WIDTH = 0.2  # of an order: a wider interval tells no step
+LEAST_ORDER = 0.1  # errors that hardly fall with h, or not at all, tell no step either
 LEAST_RELATIVE = 1e-12  # of the size of a quantity: errors below it are not extrapolated to
 WORK_COLUMNS = ("drift_calls", "projections", "inner_iterations")
 
@@ -169,7 +170,7 @@ def extrapolate_cost(summary: Summary, target: float) -> Cost | None:
     if order.kind != "fit" or order.verdict in ("plateau", "diverges"):
         return None
     low, high = order.interval
-    is_certain = 0.0 <= high - low <= MOST_WIDTH * order.order
+    is_certain = order.order >= LEAST_ORDER and high - low <= MOST_WIDTH * order.order
     if not is_certain or runs.accuracy == "tol" or cost_at_error(runs, target) is not None:
         return None
     if target <= max(runs.floor(order.metric), LEAST_RELATIVE * runs.scale(order.metric)):

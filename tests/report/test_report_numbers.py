@@ -182,6 +182,12 @@ def test_an_error_beyond_the_ladder_has_an_extrapolated_step():
     assert speed.extrapolate_cost(wild, 0.03 * finest) is None or wild.state.verdict == "order"
 
 
+def test_errors_that_no_step_lowers_are_not_extrapolated():
+    rows = [row("a", "pbd", float(h), state_sup=0.3, seconds=1e-6 / h) for h in STEPS]
+    found = summary.summarise(data.read(rows))["a", "pbd"]
+    assert speed.extrapolate_cost(found, 0.01) is None
+
+
 @pytest.mark.parametrize(
     "value, said",
     [
