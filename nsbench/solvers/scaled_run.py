@@ -53,7 +53,7 @@ class ScaledRun:
         self.asked = accuracy
         self.is_scaled = getattr(method, "scaled", False)
         self.own: ScaledCase | None = None
-        self.has_found = False
+        self.has_sizes = False  # has a run shown whether they were estimated too large?
         self.last_checked: Checked | None = None
         self.prepare(None)
 
@@ -90,17 +90,17 @@ class ScaledRun:
             traj = self.run()
         if not isinstance(traj, Trajectory):  # reported by whoever asked for the run
             return traj
-        found = self._overestimated(traj)
+        found = None if self.has_sizes else self._overestimated(traj)
+        self.has_sizes = True
         if found is None:
             return traj
-        self.has_found = True
         self.prepare(scale_of_sizes(self.case, found))
         with self.own.in_user_units():
             return self.run()
 
     def _overestimated(self, traj: Trajectory) -> np.ndarray | None:
         """Return the sizes (n,) of the samples, where the units are much larger; else None."""
-        if self.has_found or self.case.scale is not None or self.method.accuracy != "tol":
+        if self.case.scale is not None or self.method.accuracy != "tol":
             return None
         own = self.own.case
         x = np.vstack([own.x0, traj.x])

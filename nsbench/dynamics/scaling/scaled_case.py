@@ -44,6 +44,11 @@ class ScaledCase:
         """Return the impulse of size one, in the units of the user."""
         return self.multiplier * self.time
 
+    @functools.cached_property
+    def length(self) -> float:
+        """Return the largest size of a coordinate, in the units of the user."""
+        return float(np.max(self.state))
+
     def accuracy(self, name: str, value: float) -> float:
         """Return the value of an accuracy parameter (h, tol or k) in the units of the case.
 
@@ -54,7 +59,7 @@ class ScaledCase:
 
     def in_user_units(self):
         """Write sentences that are made within, of times and sizes, in the units of the user."""
-        return in_units(self.origin, self.time, float(np.max(self.state)))
+        return in_units(self.origin, self.time, self.length)
 
     def scaled(self, traj: Trajectory) -> Trajectory:
         """Return a trajectory of the user's case in the units of the scaled one."""

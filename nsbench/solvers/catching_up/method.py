@@ -16,12 +16,12 @@ from nsbench.case import Case, nearest
 from nsbench.case.scale import time_text
 from nsbench.problem import Complementarity, Smooth
 from nsbench.qp.projection import large_problem_callback
-from nsbench.solvers.base import Expect, Run, grid, last_steps, sample
+from nsbench.solvers.base import Expect, Run, grid, last_steps
 from nsbench.solvers.catching_up.outcome import Outcome
 from nsbench.solvers.catching_up.qp_backends import BACKENDS
 from nsbench.solvers.common.divergence import classify_divergence
 from nsbench.solvers.common.initial_state import initial_state
-from nsbench.solvers.common.time_grid import between_samples, check_positive
+from nsbench.solvers.common.time_grid import between_samples, check_positive, samples
 from nsbench.solvers.common.tolerance_run import StepOrTolerance
 from nsbench.trajectory import Resolution, Status, Trajectory
 
@@ -231,7 +231,7 @@ def _trajectory(case, g, loop, out, again):
     lam = last_steps(case.t, g, impulse)
     between = between_samples(case.t, g, X, impulse)
     if not g.aligned:
-        X, R, impulse = (sample(case.t, g.t, v) for v in (X, R, impulse))
+        X, R, impulse = samples(case.t, g.t, X, R, impulse)
     # the drift that the multiplier balances is taken at the start of the step
     return Trajectory(
         case.t,

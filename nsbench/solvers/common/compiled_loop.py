@@ -110,20 +110,27 @@ def module_in_python(kernel: Callable) -> Callable:
     return names[kernel.py_func.__name__]
 
 
+def entry_point(kernel: Callable, args: tuple) -> Callable:
+    """Compile a kernel for the types of `args`; return what is called for them from then on.
+
+    numba's dispatcher looks at the types of all arguments in each call, which costs more than some
+    runs. What is returned does not: it takes arguments of these types and memory layouts alone.
+    """
+    from numba import typeof
+
+    return kernel.compile(tuple(typeof(a) for a in args))
+
+
 def bind_loop(
     kernel: Callable, loop: str, args: tuple, interpret: Callable = loop_in_python
 ) -> Callable:
     """Return the time loop, compiled for the types of `args` or, where loop is "host", in Python.
 
-    args: all arguments of a call, or arguments of the same types. interpret: which of the kernels
-    below the loop run in Python as well: those that call the functions of the case.
+    args: all arguments of a call, or arguments of the same types: a compiled loop takes no others,
+    and does not look (see entry_point). interpret: which of the kernels below the loop run in
+    Python as well: those that call the functions of the case.
     """
-    if loop != "compiled":
-        return interpret(kernel)
-    from numba import typeof
-
-    kernel.compile(tuple(typeof(a) for a in args))
-    return kernel
+    return entry_point(kernel, args) if loop == "compiled" else interpret(kernel)
 
 
 def status_of(code: int, reached: float, own: Mapping[StepCode, Status] | None = None) -> Status:

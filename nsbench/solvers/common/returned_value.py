@@ -6,6 +6,7 @@ Everything after a run relies on these; they are checked before anything else re
 from __future__ import annotations
 
 import sys
+from collections.abc import Hashable, Sequence
 
 import numpy as np
 
@@ -33,12 +34,14 @@ def returned_violation(case: Case, traj: object) -> str:
                 "`return Trajectory(...)`, missing?"
             )
         return f"The solver returned {what}; a Trajectory with a Status is needed."
-    for name, kind in (("contacts", tuple), ("stats", dict)):
+    for name, kind, is_right in (
+        ("contacts", "tuple", _is_like_a_tuple),
+        ("stats", "dict", lambda value: isinstance(value, dict)),
+    ):
         found = getattr(traj, name)
-        if not isinstance(found, kind):
+        if not is_right(found):
             return (
-                f"The solver returned {name} of type {type(found).__name__}; a {kind.__name__} "
-                f"is needed."
+                f"The solver returned {name} of type {type(found).__name__}; a {kind} is needed."
             )
     if traj.lam_time not in LAM_TIMES:
         return (
@@ -64,6 +67,12 @@ def returned_violation(case: Case, traj: object) -> str:
             f"{case.t[-1]:g}."
         )
     return _arrays(case, traj)
+
+
+def _is_like_a_tuple(value: object) -> bool:
+    """Is the value a sequence that nothing changes: a tuple, or ids of contacts in an array?"""
+    is_sequence = isinstance(value, Sequence) and not isinstance(value, str | bytes)
+    return is_sequence and isinstance(value, Hashable)
 
 
 def _infinite_counts(stats: dict) -> list[str]:

@@ -151,10 +151,23 @@ def last_steps(t: np.ndarray, g: Grid, impulse: np.ndarray) -> dict[str, np.ndar
 
 def sample(t: np.ndarray, nodes: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Return the polygon through (nodes (K,), values (K, n)) at the times t (k,): (k, n)."""
-    i = np.clip(np.searchsorted(nodes, t, side="right") - 1, 0, len(nodes) - 2)
-    w = ((t - nodes[i]) / (nodes[i + 1] - nodes[i]))[:, None]
-    return np.where(
-        w == 0.0,
-        values[i],
-        np.where(w == 1.0, values[i + 1], (1.0 - w) * values[i] + w * values[i + 1]),
-    )
+    return samples(t, nodes, values)[0]
+
+
+def samples(t: np.ndarray, nodes: np.ndarray, *values: np.ndarray) -> list[np.ndarray]:
+    """Return the polygons through (nodes (K,), each of values (K, n)) at the times t (k,)."""
+    i = np.searchsorted(nodes, t, side="right") - 1
+    i = np.maximum(np.minimum(i, len(nodes) - 2), 0)
+    start = nodes[i]
+    w = ((t - start) / (nodes[i + 1] - start))[:, None]
+    rest = 1.0 - w
+    # a node has its value whatever its neighbour is
+    at_start = np.flatnonzero(w == 0.0)
+    at_end = np.flatnonzero(w == 1.0)
+    out = []
+    for v in values:
+        mean = rest * v[i] + w * v[i + 1]
+        mean[at_start] = v[i[at_start]]
+        mean[at_end] = v[i[at_end] + 1]
+        out.append(mean)
+    return out

@@ -16,8 +16,9 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.case.scale import time_text
 from nsbench.dynamics.hybrid import EPS, HybridSystem
-from nsbench.solvers.base import Grid, last_steps, sample
+from nsbench.solvers.base import Grid, last_steps
 from nsbench.solvers.common.divergence import ended
+from nsbench.solvers.common.time_grid import samples
 from nsbench.trajectory import Event, Resolution, Status, Trajectory
 
 MAX_TRANSITIONS_OF_A_STEP = 100  # besides two for each transition of the system
@@ -50,8 +51,7 @@ class HybridEuler:
         W = self.W[:, : len(contacts)]
         lam = last_steps(self.case.t, g, W)
         if not g.aligned:
-            X = sample(self.case.t, g.t, X)
-            W = sample(self.case.t, g.t, W)
+            X, W = samples(self.case.t, g.t, X, W)
         stats = {
             "steps": int(g.substeps.sum()),
             "h": g.h,

@@ -17,7 +17,8 @@ from nsbench.case.scale import time_text
 from nsbench.compilation.factories import as_numpy, without_compilation
 from nsbench.dynamics.length_scale import length_scale
 from nsbench.problem import LCS, Complementarity, Filippov, Hybrid
-from nsbench.solvers.base import Claims, Expect, Run, grid, last_steps, sample
+from nsbench.solvers.base import Claims, Expect, Run, grid, last_steps
+from nsbench.solvers.common.time_grid import samples
 from nsbench.trajectory import STATES_BETWEEN, Resolution, Status, Trajectory
 
 STANDARD = ("euler", "euler[implicit=true]")
@@ -143,8 +144,7 @@ class Euler:
         lam = last_steps(case.t, g, W)
         between = _between(case, g, X, W, looked) if W.shape[1] else None
         if not g.aligned:
-            X = sample(case.t, g.t, X)
-            W = sample(case.t, g.t, W)
+            X, W = samples(case.t, g.t, X, W)
         stats = {"steps": int(g.substeps.sum()), "h": g.h, "drift_calls": int(calls), "loop": loop}
         if self.implicit:
             stats["inner_iterations"] = int(inner)

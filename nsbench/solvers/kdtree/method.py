@@ -13,9 +13,10 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.compilation.factories import as_numpy
 from nsbench.problem import Affine, Complementarity, Distance
-from nsbench.solvers.base import Claims, Expect, Run, grid, sample
+from nsbench.solvers.base import Claims, Expect, Run, grid
 from nsbench.solvers.common.divergence import ended
 from nsbench.solvers.common.initial_state import initial_state
+from nsbench.solvers.common.time_grid import samples
 from nsbench.trajectory import Resolution, Status, Trajectory
 
 SWEEPS = ("numba", "numpy")
@@ -226,7 +227,7 @@ def _trajectory(case, g, X, contacts, W, R, status, projections):
     The grid g ends steps at the recorded times, or the run is sampled there.
     """
     if not g.aligned:
-        X, R, W = (sample(case.t, g.t, v) for v in (X, R, W))
+        X, R, W = samples(case.t, g.t, X, R, W)
     steps = int(g.substeps.sum())
     stats = {
         "steps": steps,

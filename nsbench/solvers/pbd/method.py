@@ -36,10 +36,10 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.dynamics.contacts.kernels.contact_arrays import AffineRows
 from nsbench.problem import Affine, Complementarity, Smooth
-from nsbench.solvers.base import Expect, Grid, Run, grid, last_steps, sample
+from nsbench.solvers.base import Expect, Grid, Run, grid, last_steps
 from nsbench.solvers.common.divergence import classify_divergence
 from nsbench.solvers.common.initial_state import initial_state
-from nsbench.solvers.common.time_grid import between_samples, check_positive
+from nsbench.solvers.common.time_grid import between_samples, check_positive, samples
 from nsbench.solvers.common.tolerance_run import StepOrTolerance
 from nsbench.solvers.pbd.sweep_order import ORDERS, hard_ranks, order_number, ordered_arrays
 from nsbench.trajectory import Resolution, Status, Trajectory
@@ -308,9 +308,7 @@ def build_trajectory(
     lam = last_steps(case.t, g, impulse)
     between = between_samples(case.t, g, X, impulse)
     if not g.aligned:
-        X = sample(case.t, g.t, X)
-        R = sample(case.t, g.t, R)
-        impulse = sample(case.t, g.t, impulse)
+        X, R, impulse = samples(case.t, g.t, X, R, impulse)
     # the drift that the multiplier balances is taken at the start of the step
     return Trajectory(
         case.t,

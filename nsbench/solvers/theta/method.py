@@ -13,7 +13,8 @@ from nsbench.case import Case
 from nsbench.case.scale import time_text
 from nsbench.compilation.factories import as_numpy
 from nsbench.problem import LCS, Affine, Complementarity
-from nsbench.solvers.base import Claims, Expect, Run, grid, last_steps, sample
+from nsbench.solvers.base import Claims, Expect, Run, grid, last_steps
+from nsbench.solvers.common.time_grid import samples
 from nsbench.trajectory import Resolution, Status, Trajectory
 
 ALL = 8  # rows whose 2^m supports are tried in each step where uniqueness is not certain
@@ -231,7 +232,7 @@ def _trajectory(case, g, loop, theta, B, judged, out):
     }
     lam = last_steps(case.t, g, P[:, acted])
     if not g.aligned:
-        X, P, R = (sample(case.t, g.t, v) for v in (X, P, R))
+        X, P, R = samples(case.t, g.t, X, P, R)
     label = {1.0: "end", 0.5: "midpoint"}.get(theta, "mean")
     return Trajectory(
         case.t,

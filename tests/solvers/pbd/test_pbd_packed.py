@@ -8,6 +8,7 @@ from test_pbd import box_of_discs, crowd
 import nsbench
 from nsbench import Affine, Case, Complementarity, Distance
 from nsbench.dynamics.contacts.constraint_set import ConstraintSet
+from nsbench.dynamics.contacts.kernels import impulse_records
 from nsbench.dynamics.contacts.kernels.impulse_records import Contacts, cumulate
 from nsbench.solvers.pbd import method
 
@@ -147,6 +148,15 @@ def test_many_contacts_are_kept_as_an_array_that_reads_like_the_tuple():
         and array != names[1:]
         and array[1:] == names[1:]
     )
+
+
+def test_a_run_with_many_contacts_is_returned_like_one_with_few(monkeypatch):
+    case = nsbench.get_case("discs", n=10)
+    few = nsbench.solve(case, "pbd", h=0.01)
+    monkeypatch.setattr(impulse_records, "MANY", 0)
+    many = nsbench.solve(case, "pbd", h=0.01)
+    assert isinstance(many.contacts, Contacts) and many.contacts == few.contacts
+    assert np.array_equal(many.impulse, few.impulse)
 
 
 def test_walls_far_away_at_the_start_are_met():

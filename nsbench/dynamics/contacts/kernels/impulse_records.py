@@ -169,7 +169,8 @@ def cumulate(ids: np.ndarray, values: np.ndarray, samples: int) -> tuple[Sequenc
         del words
     else:
         contacts, column = np.unique(ids[:, 1:], axis=0, return_inverse=True)
-    impulse = np.zeros((samples, len(contacts)))
-    np.add.at(impulse, (ids[:, 0], column.ravel()), values)
+    entry = ids[:, 0].astype(np.int64) * len(contacts) + column.ravel()
+    impulse = np.bincount(entry, values, samples * len(contacts))
+    impulse = impulse.reshape(samples, len(contacts))
     names = Contacts(contacts) if len(contacts) > MANY else tuple(map(_name, contacts.tolist()))
     return names, np.cumsum(impulse, axis=0, out=impulse)

@@ -8,12 +8,14 @@ kernel stopped, and the kernel takes over again after the next event.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from nsbench.case.scale import size_text, time_text
 from nsbench.dynamics.filippov.vector_field import EPS
+from nsbench.solvers.common.compiled_loop import entry_point
 from nsbench.solvers.event_driven.filippov.kernels import loop_state as codes
 from nsbench.solvers.event_driven.filippov.kernels.loop_state import Settings
 from nsbench.solvers.event_driven.filippov.program import (
@@ -65,6 +67,7 @@ class CompiledLoop:
         self.armed = np.zeros(programs.watches, np.bool_)
         self.counters = np.zeros(codes.COUNTERS, np.int64)
         self.floats = np.zeros(codes.FLOATS)
+        self.integrate_modes: Callable | None = None  # the kernel, once its types are known
 
     def run(self, host) -> Status:
         """Follow the motion of `host`, a FilippovIntegrator, from its start to the end or a
@@ -102,15 +105,10 @@ class CompiledLoop:
         motion = (host.x, host.theta, host.mode, self.armed)
         records = (host.case.t, host.X, host.W, self.log, self.logged, self.ring)
         while True:
-            self.kernel.integrate_modes(
-                *self.constant,
-                *motion,
-                *records,
-                counters,
-                floats,
-                self.work,
-                begun,
-            )
+            args = (*self.constant, *motion, *records, counters, floats, self.work, begun)
+            if self.integrate_modes is None:
+                self.integrate_modes = entry_point(self.kernel.integrate_modes, args)
+            self.integrate_modes(*args)
             (
                 code,
                 host.done,

@@ -155,8 +155,10 @@ class FilippovIntegrator:
         self.steps = 0
         self.h = 0.0
         self.done = 1
-        self.X = np.full((len(case.t), self.n), np.nan)
-        self.W = np.full((len(case.t), self.d), np.nan)
+        self.X = np.empty((len(case.t), self.n))
+        self.W = np.empty((len(case.t), self.d))
+        self.X.fill(np.nan)
+        self.W.fill(np.nan)
 
     @cached_property
     def interval_fields(self):
