@@ -53,7 +53,7 @@ class Step(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """Work arrays: r, w, p, s (m,); z, mid (n,)."""
+    """Work arrays: r, w, p, s (m,); z, mid, old (n,). old: the drift at the start of a step."""
 
     r: np.ndarray
     w: np.ndarray
@@ -61,12 +61,29 @@ class Workspace(NamedTuple):
     s: np.ndarray
     z: np.ndarray
     mid: np.ndarray
+    old: np.ndarray
 
 
 @inner_kernel
 def workspace(n, m):
     """Allocate a Workspace."""
-    return Workspace(np.empty(m), np.empty(m), np.empty(m), np.empty(m), np.empty(n), np.empty(n))
+    return Workspace(
+        np.empty(m),
+        np.empty(m),
+        np.empty(m),
+        np.empty(m),
+        np.empty(n),
+        np.empty(n),
+        np.zeros(n),
+    )
+
+
+@inner_kernel
+def copied(x, out):
+    """Copy x into out, and return out: a function of the case gets no array of the loop."""
+    for c in range(x.size):
+        out[c] = x[c]
+    return out
 
 
 @njit(cache=True, error_model="numpy")
@@ -143,7 +160,7 @@ def push_out(theta, step, system, matrix, work, count):
     """
     x, _, _, q0, q1, lam, on = step
     _, _, G, E, M, a, b = matrix
-    r, w, p, s, z, mid = work
+    r, w, p, s, z, mid, _ = work
     offset(system.C, E, theta, x, z, q0, q1, p, s, r)
     found, pivots = solve(M, r, a, b, on, lam, w)
     count[LCPS] += 1
@@ -158,7 +175,7 @@ def push_out(theta, step, system, matrix, work, count):
 
 
 @njit(cache=True, error_model="numpy")
-def advance(f, linear, now, after, h, theta, step, system, matrix, stale, count):
+def advance(f, linear, now, after, h, theta, step, system, matrix, work, stale, count):
     """Advance one step from step.x to step.y; return a StepCode.
 
     Newton's method on (y, lam), exact at once where f is linear. matrix: StepMatrices, computed
@@ -167,26 +184,26 @@ def advance(f, linear, now, after, h, theta, step, system, matrix, stale, count)
     x, y, v, _, _, lam, _ = step
     n = x.size
     m = lam.size
-    work = workspace(n, m)
     z = work.z
     mid = work.mid
-    old = np.zeros(n)
+    old = work.old
     for c in range(n):
         y[c] = x[c]
     if theta < 1.0:
-        f(now, x.copy(), old)
+        f(now, copied(x, mid), old)
         count[CALLS] += 1
     move = np.inf
     tries = 0
     fresh = False
     # Newton's method: the step linearised in y is an LCP in lam, solved by Lemke's method.
     for it in range(NEWTON):
-        f(after, y.copy(), v)
+        f(after, copied(y, mid), v)
         count[CALLS] += 1
         for c in range(n):
             v[c] = (1.0 - theta) * old[c] + theta * v[c] if theta < 1.0 else v[c]
-        if state_code(v) != StepCode.OK:
-            return state_code(v)
+        code = state_code(v)
+        if code != StepCode.OK:
+            return code
         if stale:
             if not linearise(f, linear, after, h, theta, y, system, matrix, count):
                 return StepCode.NEWTON_LIMIT
@@ -205,8 +222,9 @@ def advance(f, linear, now, after, h, theta, step, system, matrix, stale, count)
             move = max(move, abs(z[c] - y[c]))
             y[c] = z[c]
         count[INNER] += 1
-        if state_code(y) != StepCode.OK:
-            return state_code(y)
+        code = state_code(y)
+        if code != StepCode.OK:
+            return code
         if linear or has_converged(move, fresh and it > 5, y):
             if theta == 1.0 or m == 0 or not regroup(system, theta, lam, matrix):
                 return StepCode.OK
@@ -327,7 +345,9 @@ def march(f, q_of, moving, linear, J, t, substeps, x, q, B, C, D, theta, fixed, 
                 q_of(after, step.q1)
             stale = abs(h - old) > 1e-12 * h  # sample times are rounded: the same step for all
             old = h if stale else old
-            code = advance(f, linear, now, after, h, theta, step, system, matrix, stale, count)
+            code = advance(
+                f, linear, now, after, h, theta, step, system, matrix, work, stale, count
+            )
             if code == StepCode.INFEASIBLE and not has_finite_inputs(step):
                 code = StepCode.NAN
             if code != StepCode.OK:
