@@ -1,4 +1,4 @@
-"""Guard around code of a user's file that runs in the command itself: imports, refusals.
+"""Call code of a user's file in the command itself; turn its exits and silences into messages.
 
 Such code can neither end the command silently (os._exit raises UserCodeExit) nor hold it up
 silently (after SECONDS_BEFORE_NOTICE a line says who is at work). Where it crashes in C, the

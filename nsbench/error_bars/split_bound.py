@@ -1,4 +1,4 @@
-"""Error bound of a curve in a polyhedron: a vector for its known part, a radius for the remainder.
+"""Error bound along a curve in a polyhedron, in two parts: a known vector and the radius of a ball.
 
 The error is w = Y - x, of the curve Y against the motion x.
 

@@ -1,4 +1,4 @@
-"""The page of a comparison: what changed against its interval, scatters, and the history.
+"""Page of a comparison: changes and their confidence intervals, scatters old over new, history.
 
 It has the form of the page of a study: question, answer, evidence, tables, figures, command.
 """

@@ -1,4 +1,4 @@
-"""Facts: the numbers and words of a study that a baseline can hold.
+"""Facts of a study: the orders, errors, counted work and statuses that a baseline can hold.
 
 Orders, constants and verdicts of every method on every case, errors, residuals and counted work of
 one step in the middle of its ladder, and how many of its runs ended with which status. Which

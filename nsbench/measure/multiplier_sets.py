@@ -1,4 +1,4 @@
-"""Sets of multipliers that are not unique: {mu >= 0, G^T mu = r, supp mu in A}.
+"""Distance to the set of multipliers {mu >= 0, G^T mu = r, supp mu in A}, where not unique.
 
 Distance to the set, and its least-norm point.
 """

@@ -1,4 +1,4 @@
-"""Content of a report: every sentence, table and figure, before it is written as HTML or Markdown.
+"""Dataclass for the content of a report, sentences, tables and figures, whatever its format.
 
 `Content` is filled by nsbench.report.assemble; nsbench.report.html_page and nsbench.report.markdown
 write it. What both of them derive from the stored description of a case is here too.

@@ -1,4 +1,4 @@
-"""Registry of the studies: name, question and module. Nothing heavy is imported here."""
+"""Registry of the studies: name, question and module, without importing any of them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Checks: regularisation layers that are thicker than they say, for their switch is flat there.
+"""Checks: layers |c| < w that are much wider than w in the state, where grad c is small.
 
 In a layer |c| < w the state is within w / |grad c| of the surface as long as the gradient does not
 change within that length. Where it vanishes (c = x^3) the layer is w^(1/3) wide, and where a switch

@@ -1,4 +1,4 @@
-"""A case in its own units, and what is found there in the units of the user.
+"""Convert a case into its own units, and the runs of that case back into the user's.
 
     tau = (t - t0) / T,    y_i = x_i / S_i
 

@@ -1,4 +1,4 @@
-"""Reset of process-wide state between runs.
+"""Reset what runs change in their process: random seeds, environment, folder, warnings, timers.
 
 Global random state, numpy's error state, working directory, environment, locale, rounding of the
 processor, settings of JAX, destination of output, filters of warnings, timers: what a run changes

@@ -1,4 +1,4 @@
-"""Tabulate the machine and versions of a study, and the words of its report."""
+"""Tabulate the machine and versions of a study, and the glossary of its report."""
 
 from __future__ import annotations
 

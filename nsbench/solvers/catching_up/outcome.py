@@ -1,4 +1,4 @@
-"""What a run of the catching-up scheme hands to the method, whichever loop it was done by."""
+"""Record of a finished catching-up run: states, reactions, impulses and counters, of any loop."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Checks of what the tolerances of nosnoc hide, in the form of nsbench.diagnostics.
+"""Checks of nosnoc: switches and pushes that are smaller than its absolute tolerances resolve.
 
 The tolerance of IPOPT and that of complementarity are absolute, and complementarity is left at a
 product that is not zero: weight x distance, or gap x multiplier. The checks take every step of the

@@ -1,4 +1,4 @@
-"""What a reference of the same method hides, on the scene `teaser`.
+"""Errors of PBD against its own finest run beside its true errors, on the scene `teaser`.
 
 Errors against PBD with a small step are compared with the true ones. What PBD's small step shares
 with its larger ones cancels in the difference, and what it lacks is counted against any better

@@ -1,4 +1,4 @@
-"""Tables and figures of the study `budget`."""
+"""Tables and figures of the study `budget`: costs per step and at equal error, model error."""
 
 from __future__ import annotations
 

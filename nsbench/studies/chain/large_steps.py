@@ -1,4 +1,4 @@
-"""PBD with large steps, projection by projection: exact projections of equal discs onto contact.
+"""PBD with large steps, one projection at a time: its states, and the sweeps until no overlap.
 
 A step moves all discs by the drift -x, then each overlapping pair is pushed apart to contact, one
 pair after the other; both discs move by half the overlap. Later pairs overlap earlier ones again.

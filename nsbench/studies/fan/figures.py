@@ -1,4 +1,4 @@
-"""Figures of the study `fan`."""
+"""Figures of the study `fan`: exact flows from the steps of a run, and the parts of its error."""
 
 from __future__ import annotations
 

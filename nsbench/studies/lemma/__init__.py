@@ -1,6 +1,7 @@
-"""Study of the sweep lemma: constants C of the largest violation, C' of their sum.
+"""Study of the sweep lemma: one sweep of PBD multiplies the largest violation by C at most.
 
-For the linearised sweep (packings.linear_sweep) over all gaps g >= -1 and all orders,
+C' is the same of the sum of all violations. For the linearised sweep (packings.linear_sweep) over
+all gaps g >= -1 and all orders,
 
     C  = max of max_k v'_k,        C' = max of |v'|_1 / |v|_1:
 

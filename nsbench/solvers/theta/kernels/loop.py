@@ -201,9 +201,8 @@ def advance(f, linear, now, after, h, theta, step, system, matrix, work, stale, 
         count[CALLS] += 1
         for c in range(n):
             v[c] = (1.0 - theta) * old[c] + theta * v[c] if theta < 1.0 else v[c]
-        code = state_code(v)
-        if code != StepCode.OK:
-            return code
+        if state_code(v) != StepCode.OK:
+            return state_code(v)
         if stale:
             if not linearise(f, linear, after, h, theta, y, system, matrix, count):
                 return StepCode.NEWTON_LIMIT
@@ -222,9 +221,8 @@ def advance(f, linear, now, after, h, theta, step, system, matrix, work, stale, 
             move = max(move, abs(z[c] - y[c]))
             y[c] = z[c]
         count[INNER] += 1
-        code = state_code(y)
-        if code != StepCode.OK:
-            return code
+        if state_code(y) != StepCode.OK:
+            return state_code(y)
         if linear or has_converged(move, fresh and it > 5, y):
             if theta == 1.0 or m == 0 or not regroup(system, theta, lam, matrix):
                 return StepCode.OK
