@@ -306,15 +306,13 @@ def march(f, q_of, moving, linear, J, t, substeps, x, q, B, C, D, theta, fixed, 
     f(t, x, out), q_of(t, out): pointers; linear: f = J x + u(t). q (m,): its value if nothing
     moves. fixed (m,): rows without lam; jumpy (m,): rows their own multiplier does not move; check:
     search for other solutions of each step.
-
     Returns X (K, n), impulse (K, m), counters, status, time reached, and the time of the first step
     with several motions or NaN.
     """
-    K = t.size
     n = x.size
     m = q.size
-    X = np.full((K, n), np.nan)
-    P = np.full((K, m), np.nan)
+    X = np.full((t.size, n), np.nan)
+    P = np.full((t.size, m), np.nan)
     on = np.zeros(m, np.bool_)
     x = x.copy()
     step = Step(x, x.copy(), np.empty(n), q.copy(), q.copy(), np.zeros(m), on)
@@ -333,7 +331,7 @@ def march(f, q_of, moving, linear, J, t, substeps, x, q, B, C, D, theta, fixed, 
     X[0] = x
     P[0] = 0.0
     # Theta steps, equally long between two samples.
-    for k in range(K - 1):
+    for k in range(t.size - 1):
         h = (t[k + 1] - t[k]) / substeps[k]
         for s in range(substeps[k]):
             now = t[k] + s * h
@@ -361,4 +359,4 @@ def march(f, q_of, moving, linear, J, t, substeps, x, q, B, C, D, theta, fixed, 
                 x[c] = y[c]
         X[k + 1] = x
         P[k + 1] = total
-    return X, P, count, StepCode.OK, t[K - 1], twice
+    return X, P, count, StepCode.OK, t[-1], twice
