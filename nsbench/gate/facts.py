@@ -25,6 +25,7 @@ from nsbench.report.summary import Order, Summary, format_statuses, summarise
 KINDS = ("near", "max", "min", "class", "count")
 UNITS = {"order": "1", "constant": "error/h^order"}
 SMALL = 1e-9  # residuals below it are rounding: they are held from above, not near a value
+ORDER_ROUNDING = 1e-9  # of an order: its interval is no narrower than what rounding makes of errors
 RESIDUAL_ROUNDING = 1e-12  # of the size of the solution: absolute tolerance of a residual
 
 
@@ -105,7 +106,8 @@ def _ladder(s: Summary, config: str):
             yield fact(f"{name} constant", "near", order.constant, UNITS["constant"])
             half_width = 0.5 * (order.interval[1] - order.interval[0])
             if math.isfinite(half_width):
-                yield fact(f"{name} half-width", "near", half_width, UNITS["order"])
+                metric = f"{name} half-width"
+                yield fact(metric, "near", half_width, UNITS["order"], ORDER_ROUNDING)
         elif order.verdict == "plateau":
             yield fact(f"{name} plateau", "near", order.plateau)
 

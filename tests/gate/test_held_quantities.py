@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from report_rows import ladder, row
+from report_rows import STEPS, ladder, row
 
 from nsbench.gate import baseline
 from nsbench.gate.comparison import compare
@@ -35,6 +35,16 @@ def test_the_interval_of_an_order_is_held(name):
     assert 0.0 < width < 0.1
     assert outcome(found, f"{name} half-width", width) == "pass"
     assert outcome(found, f"{name} half-width", 1.01 * width) == "regressed"
+
+
+def test_an_interval_that_rounding_alone_widens_is_no_regression():
+    """Errors that are h to the last digits: another processor rounds their order otherwise."""
+    rows = [row("tide", "pbd", h, state_sup=h * (1.0 + 1e-13 * k)) for k, h in enumerate(STEPS)]
+    found = facts_of(rows)
+    width = found["tide", "pbd", "ladder", "state half-width"].value
+    assert width < 1e-11
+    assert outcome(found, "state half-width", width + 1e-11) == "pass"
+    assert outcome(found, "state half-width", width + 1e-8) == "regressed"
 
 
 @pytest.mark.parametrize("metric", MULTIPLIERS)
