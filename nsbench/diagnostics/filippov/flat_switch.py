@@ -26,12 +26,17 @@ def check_flat_switch(run: RunView) -> Finding | None:
     """Find a state in a regularisation layer where its switch is flat.
 
     There the gradient of the switch changes by half within the width of the layer, which is then
-    not width / slope. Examined on the polygon of the known states, and where it passes a surface.
+    not width / slope, whichever way it is crossed. Examined on the polygon of the known states, and
+    where it passes a surface; the layer is that of `penalty`, 1 / k.
     """
     width = run.resolution.layer
     where = find_flat_switch(run.vector_field, width, run.t, run.x) if width else ""
     return (
-        Finding("unverified", f"{where}: no error of size 1 / k is claimed there.")
+        Finding(
+            "unverified",
+            f"{where}: no error of size 1 / k is claimed there; write the switch so that its "
+            "gradient does not vanish on the surface.",
+        )
         if where
         else None
     )
@@ -121,7 +126,7 @@ def check_never_leaves_layer(run: RunView) -> Finding | None:
                 return Finding(
                     "unverified",
                     f"Switch {i} does not leave its layer: it changes by no more than "
-                    f"{change[i]:.2g}: no error of size 1 / k is claimed there.",
+                    f"{change[i]:.2g}: no error of size 1 / k is claimed there; take a larger k.",
                 )
     return None
 
