@@ -25,7 +25,13 @@ from nsbench.report.style import (
 from nsbench.report.summary import Summary, summarise
 from nsbench.report.svg_plots import compose_sheet, draw_panel, inline_svg
 from nsbench.report.tables.clock_table import clock_table
-from nsbench.report.tables.environment_tables import counts_line, environment_table, glossary_table
+from nsbench.report.tables.environment_tables import (
+    citation,
+    counts_line,
+    environment_table,
+    glossary_table,
+    repeat_lines,
+)
 from nsbench.report.tables.equal_error_tables import (
     choice_table,
     ranking_table,
@@ -204,6 +210,8 @@ def assemble_content(data: Data, drawn: Figures) -> Content:
         cheapest=tuple(
             [*scaling.describe_wins(data), *performance_profiles.describe_profiles(data)]
         ),
+        repeat=repeat_lines(data.env),
+        citation=citation(data.env),
     )
 
 

@@ -47,6 +47,7 @@ class Content:
     panels: SVG elements by case. notes: sentences by case. speeds: factors at equal error.
     talk: SVG of the talk's figure, "" if there is none, with its sentence.
     profiles, scaling: SVG elements. cheapest: who is cheapest where. studies: of open questions.
+    repeat, citation: lines to run and to quote.
     """
 
     title: str
@@ -67,6 +68,8 @@ class Content:
     scaling: tuple[str, ...] = ()
     cheapest: tuple[str, ...] = ()
     studies: tuple[StudySection, ...] = ()
+    repeat: str = ""
+    citation: str = ""
 
 
 def describe_problem(stored: dict, runs: list[Runs]) -> str:

@@ -49,7 +49,7 @@ SECTIONS = (  # id, also the name of the template; heading
     ("failures", "Failures and refusals"),
     ("cases", "Case by case"),
     ("talk", "The talk's figure"),
-    ("environment", "Machine, versions, words"),
+    ("environment", "Repeat, cite; machine, versions, words"),
 )
 PLAYER_SCRIPTS = ("charts.js", "scenes.js", "player.js", "start.js")  # of a page with one player
 SCRIPTS = ("page.js", "answer.js", "explore.js", *PLAYER_SCRIPTS)

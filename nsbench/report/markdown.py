@@ -38,12 +38,9 @@ def render_markdown(c: Content) -> str:
         out += [escape_markdown(first)] if first else []
         out += ["\n".join("    " + line for line in equations.splitlines())] if equations else []
         out += [escape_markdown(n) for n in c.notes[case]]
-        out += [f"![{escape_markdown(case)}](figures/{c.ids[case]}.svg)"] if c.panels[case] else []
-        out += (
-            [f"![{escape_markdown(case)}: cost](figures/cost_{c.ids[case]}.svg)"]
-            if c.panels[case]
-            else []
-        )
+        if c.panels[case]:
+            out += [f"![{escape_markdown(case)}](figures/{c.ids[case]}.svg)"]
+            out += [f"![{escape_markdown(case)}: cost](figures/cost_{c.ids[case]}.svg)"]
     if c.talk:
         out += [
             "## The talk's figure",
@@ -68,7 +65,9 @@ def render_markdown(c: Content) -> str:
     out += ["## Failures and refusals", render_table(c.tables["failures"])]
     out += ["### Over seeds", render_table(c.tables["seeds"])] if c.tables["seeds"].rows else []
     out += [
-        "## Machine, versions, words",
+        "## Repeat, cite; machine, versions, words",
+        f"```text\n{c.repeat}\n```",
+        f"```bibtex\n{c.citation}\n```",
         render_table(c.tables["environment"]),
         MEASURED,
         render_table(c.tables["glossary"]),

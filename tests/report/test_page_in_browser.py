@@ -50,6 +50,29 @@ def ranking(page):
 
 
 @pytest.mark.long
+def test_links_within_the_page_and_into_it_land_where_they_lead(open_page, file):
+    """Sections far down have no height yet when a jump begins."""
+    page = open_page()
+    cases = page.evaluate("nsbench.data.cases.map((one) => one.id)")
+    for element in ("orders", "environment", cases[-1]):
+        page.evaluate("id => document.querySelector(`a[href='#${id}']`).click()", element)
+        page.wait_for_timeout(1800)
+        assert is_in_view(page, element)
+        opened = open_page(f"{file}#{element}")
+        opened.wait_for_timeout(1800)
+        assert is_in_view(opened, element)
+
+
+def is_in_view(page, element):
+    """Is the element at the top of the window, or the page at its end?"""
+    return page.evaluate(
+        "id => Math.abs(document.getElementById(id).getBoundingClientRect().top) < 60"
+        " || innerHeight + scrollY > document.documentElement.scrollHeight - 5",
+        element,
+    )
+
+
+@pytest.mark.long
 def test_nothing_is_fetched_and_nothing_is_said(page, file):
     cases = page.evaluate("nsbench.data.cases.map((one) => one.id)")
     for element in ("explore-chart", "scatter-chart", "orders-chart", *cases):

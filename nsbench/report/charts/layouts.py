@@ -45,6 +45,7 @@ def error_chart(methods: Methods, x_title: str, y_title: str) -> Spec:
     y = _logarithmic("y", y_title)
     line = {"color": _colour(methods), "opacity": _opacity()}
     point = {"x": x, **_identity(methods), "tooltip": RUN_TIPS}
+    failed = [*RUN_TIPS, {"field": "why"}]
     floor = {"type": "rect", "color": "#808080", "opacity": 0.12}
     return _chart(
         [
@@ -78,7 +79,7 @@ def error_chart(methods: Methods, x_title: str, y_title: str) -> Spec:
             _layer(
                 "failed",
                 {"type": "text", "text": "×", "fontSize": 14},
-                {"x": x, "y": {"value": 6}, **line, "tooltip": RUN_TIPS},
+                {"x": x, "y": {"value": 6}, **line, "tooltip": failed},
             ),
         ]
     )
@@ -246,7 +247,6 @@ RUN_TIPS = [
     {"field": "h", "title": "step, 1/k or tol", "format": ".3~g"},
     {"field": "seconds", "format": ".3~g"},
     {"field": "status"},
-    {"field": "why"},
 ]
 
 

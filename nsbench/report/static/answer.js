@@ -122,6 +122,7 @@ const answer = {
       target.textContent = `No compiled method reaches an error of ${label} on these cases.`;
       return;
     }
+    const over = `${cases.length} case${cases.length === 1 ? "" : "s"}`;
     const winners = rows.filter((row) => row.cheapest).sort((a, b) => b.cheapest - a.cheapest);
     const words = winners.slice(0, 3).flatMap((row, i) => [
       i ? ", " : "",
@@ -131,7 +132,7 @@ const answer = {
     target.replaceChildren(
       `For an error of ${label} take `,
       nsbench.chip(first.method),
-      `: it has the least mean of seconds over ${cases.length} cases. Cheapest: `,
+      `: it has the least mean of seconds over ${over}. Cheapest: `,
       ...words,
       "."
     );

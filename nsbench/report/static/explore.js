@@ -198,11 +198,7 @@ const explore = {
       const current = at ?? tops.findLastIndex((top) => top <= 80);
       at = Math.min(Math.max(current + step, 0), ids.length - 1);
       history.replaceState(null, "", `#${ids[at]}`);
-      // again when the figures on the way are drawn and have their height
-      const target = document.getElementById(ids[at]);
-      for (const delay of [0, 150, 400]) {
-        setTimeout(() => target?.scrollIntoView({ behavior: "instant" }), delay);
-      }
+      jump.to(ids[at]);
       event.preventDefault();
     });
   },

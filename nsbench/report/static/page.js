@@ -1,5 +1,42 @@
 // Behaviour of the report: filter of the table of orders, highlighting of one method, printing.
 // Without it the page shows everything.
+
+// Jumps to places of the page. Sections are laid out, and get their height, as they come into view:
+// a jump is made again until its target stays where it is.
+const jump = {
+  DELAYS: [0, 100, 300, 700, 1500],
+  last: 0,
+
+  to(id) {
+    const target = document.getElementById(id);
+    const own = ++jump.last;
+    for (let around = target; around; around = around.parentElement) {
+      if (around.tagName === "DETAILS") {
+        around.open = true;
+      }
+    }
+    for (const delay of jump.DELAYS) {
+      setTimeout(() => own === jump.last && target?.scrollIntoView(), delay);
+    }
+  },
+
+  start() {
+    const go = () => location.hash && jump.to(decodeURIComponent(location.hash.slice(1)));
+    addEventListener("hashchange", go);
+    document.addEventListener("click", (event) => {
+      const link = event.target.closest?.('a[href^="#"]');
+      if (link && link.hash === location.hash) {
+        go();
+      }
+    });
+    // who scrolls by hand is not called back
+    for (const name of ["wheel", "touchmove", "keydown", "pointerdown"]) {
+      addEventListener(name, () => jump.last++, { passive: true });
+    }
+    go();
+  },
+};
+
 (function () {
   document.documentElement.classList.add("js");
 
@@ -61,4 +98,6 @@
       details.open = true;
     }
   });
+
+  jump.start();
 })();

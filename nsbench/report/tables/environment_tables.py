@@ -1,6 +1,8 @@
-"""Tabulate the machine and versions of a study, and the glossary of its report."""
+"""Tabulate the machine and versions of a study and the glossary; say how to repeat and cite it."""
 
 from __future__ import annotations
+
+import shlex
 
 import numpy as np
 
@@ -35,6 +37,53 @@ def environment_table(env: dict) -> Table:
         tuple(rows),
         "" if rows else "The study stored no environment: its figures cannot be tied to a machine.",
     )
+
+
+def repeat_lines(env: dict) -> str:
+    """Write the commands that make the rows and the page again, and the lines of a figure."""
+    argv = [str(a) for a in env.get("argv") or ["run"] if isinstance(a, str | int | float)]
+    for k, option in enumerate(argv[:-1]):
+        if option in ("-o", "--out"):  # a folder of the machine on which the study ran
+            argv[k + 1] = "results"
+    folder = "results"
+    return f"""\
+pip install nsbench=={version_of(env)}
+nsbench {shlex.join(argv)}
+nsbench report {folder}        # this page, from the rows in {folder}
+
+# work-precision of a case, from runs.parquet (or runs.csv), which holds every number of this page
+import matplotlib.pyplot as plt, pandas
+rows = pandas.read_parquet("{folder}/runs.parquet")
+for name, runs in rows[rows["case"] == rows["case"][0]].groupby("solver"):
+    runs = runs[runs["status"] == "ok"].sort_values("seconds")
+    plt.loglog(runs["seconds"], runs["state_sup"], "o-", label=name)
+plt.legend(), plt.xlabel("seconds"), plt.ylabel("state error")
+plt.savefig("work_precision.pdf")"""
+
+
+def citation(env: dict) -> str:
+    """Write the BibTeX entries of the bench and of the method that it grew out of."""
+    return f"""\
+@software{{nsbench,
+  author  = {{{{the nsbench developers}}}},
+  title   = {{nsbench: a test bench for Filippov and complementarity systems of first order}},
+  version = {{{version_of(env)}}},
+  note    = {{package {sanitise(env.get("package", "unknown"), 80)}}}
+}}
+@misc{{pbd,
+  author        = {{Plunder, Steffen and Merino-Aceituno, Sara}},
+  title         = {{Convergence proof for first-order position-based dynamics: An efficient scheme
+                   for inequality constrained ODEs}},
+  eprint        = {{2310.01215}},
+  archiveprefix = {{arXiv}}
+}}"""
+
+
+def version_of(env: dict) -> str:
+    """Return the version of nsbench that a study stored, or how that is written where it is not."""
+    versions = env.get("versions")
+    known = versions.get("nsbench") if isinstance(versions, dict) else None
+    return sanitise(known or "VERSION", 40)
 
 
 GLOSSARY = {  # words of the report that are no columns; those are described in nsbench.columns

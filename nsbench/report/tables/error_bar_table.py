@@ -65,5 +65,6 @@ def _range(runs: Runs, kind: str, quantity: str) -> Cell:
     if not len(ratio):
         return Cell("no error to compare with", kind="quiet")
     low = float(ratio.min())
-    text = f"{format_number(low)} to {format_number(float(ratio.max()))}"
+    digits = 3 if kind == "bound" else 2  # whether a bound is below 1 must be seen
+    text = " to ".join(format_number(v, digits) for v in (low, float(ratio.max())))
     return Cell(text, kind="bad" if kind == "bound" and low < 1.0 else "number")

@@ -161,7 +161,7 @@ def _naive(o: Order) -> Cell:
         )
         return Cell(
             text,
-            "false" if o.verdict == "plateau" or abs(o.order) < 0.5 else "",
+            "false alarm" if o.verdict == "plateau" or abs(o.order) < 0.5 else "",
             o.sentence,
             "quiet",
         )
