@@ -177,7 +177,7 @@ def assemble_content(data: Data, drawn: Figures) -> Content:
         expected_table(judge_expectations(data, s)),
         bounds_table(data, s),
         error_bar_table(s),
-        references_table(data),
+        references_table(data, s),
         selection_table(data, s),
         labels_table(data, s),
         error_table(data),

@@ -410,5 +410,10 @@ def test_the_lines_that_repeat_a_figure_run(tmp_path, monkeypatch):
     assert (tmp_path / "work_precision.pdf").stat().st_size > 1000
 
 
+def test_names_that_no_page_can_hold_are_written_by_their_numbers():
+    lines = repeat_lines({"argv": ["run", "--cases", "B\udcfccher\x1b[0m.py"]})
+    assert lines.encode() and "\x1b" not in lines and "cher" in lines
+
+
 def test_a_study_without_an_environment_can_be_cited():
     assert "version = {VERSION}" in citation({}) and "2310.01215" in citation({})

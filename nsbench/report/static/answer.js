@@ -122,7 +122,10 @@ const answer = {
       target.textContent = `No compiled method reaches an error of ${label} on these cases.`;
       return;
     }
-    const over = `${cases.length} case${cases.length === 1 ? "" : "s"}`;
+    // the mean is over the cases on which a compiled method reaches the error
+    const all = `${cases.length} case${cases.length === 1 ? "" : "s"}`;
+    const some = `the ${best.size} of ${all} on which a compiled method reaches it`;
+    const over = best.size === cases.length ? all : some;
     const winners = rows.filter((row) => row.cheapest).sort((a, b) => b.cheapest - a.cheapest);
     const words = winners.slice(0, 3).flatMap((row, i) => [
       i ? ", " : "",

@@ -48,7 +48,7 @@ def repeat_lines(env: dict) -> str:
     folder = "results"
     return f"""\
 pip install nsbench=={version_of(env)}
-nsbench {shlex.join(argv)}
+nsbench {sanitise(shlex.join(argv))}
 nsbench report {folder}        # this page, from the rows in {folder}
 
 # work-precision of a case, from runs.parquet (or runs.csv), which holds every number of this page
@@ -87,6 +87,12 @@ def version_of(env: dict) -> str:
 
 
 GLOSSARY = {  # words of the report that are no columns; those are described in nsbench.columns
+    "PBD": "position-based dynamics: a step of explicit Euler, then a projection onto each "
+    "violated constraint, one after the other",
+    "catching-up": "a step of explicit Euler, then one projection onto all linearised constraints "
+    "together, by a QP",
+    "the talk": "the talk on PBD for ODEs with inequality constraints from which this bench grew; "
+    "its figures and its claim of a factor 100 are examined here",
     "order, interval": "p of error = C h^p (1 + r h^q)^s in the fit window, the slope of log "
     "error over log h that the error tends to, with its t-based 95 % interval; kept negative when "
     "a method diverges",

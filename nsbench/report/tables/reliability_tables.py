@@ -114,12 +114,14 @@ def _bound(floor: float) -> str:
     return format_number(floor / 10) if math.isfinite(floor) and floor > 0 else ""
 
 
-def references_table(data: Data) -> Table:
+def references_table(data: Data, summaries: dict[tuple, Summary]) -> Table:
     """Build the table of references: what the errors of each case are measured against.
 
-    It gives the bounds of the reference's own error, and how the reference was computed.
+    It gives the bounds of the reference's own error, and how the reference was computed. Impulses
+    that are not unique, where the reaction is compared instead, have no error.
     """
     rows = []
+    selected = {case for (case, _), s in summaries.items() if s.force.metric == "reaction"}
     for case in data.case_keys:
         stored = data.cases.get(case, {})
         certificate = (
@@ -127,7 +129,9 @@ def references_table(data: Data) -> Table:
         )
         kind = sanitise(stored.get("reference") or "none", 200)
         figures = [
-            Cell(_format_error(to_float(certificate.get(k))), kind="number")
+            Cell("not unique", kind="quiet")
+            if k == "impulse" and case in selected
+            else Cell(_format_error(to_float(certificate.get(k))), kind="number")
             for k in ("state", "impulse", "reaction", "event")
         ]
         rows.append(
