@@ -8,7 +8,6 @@ import re
 from html.parser import HTMLParser
 
 import numpy as np
-import pandas
 import pytest
 from report_rows import CASES, ENV, METHODS, SOLVERS, STEPS, made, row, summaries
 
@@ -17,7 +16,6 @@ from nsbench.report import assemble, markdown, style, svg_plots
 from nsbench.report import data as source
 from nsbench.report.charts.files import chart_library
 from nsbench.report.tables import cells
-from nsbench.report.tables.environment_tables import citation, repeat_lines
 
 
 class Reader(HTMLParser):
@@ -395,25 +393,3 @@ def test_errors_of_another_league_do_not_press_the_others_flat():
         svg_plots.draw_panel(panel([1e-14, 2e-14, 3e-14], far=far)) for far in (False, True)
     )
     assert spread(kept) > 4 * spread(flat) and "1e-14" in kept
-
-
-def test_the_lines_that_repeat_a_figure_run(tmp_path, monkeypatch):
-    """Commands and lines as the page prints them, on rows that a study has written."""
-    env = {"argv": ["run", "tide", "-o", "/somewhere/else"], "versions": {"nsbench": "0.1.0"}}
-    lines = repeat_lines(env)
-    assert "nsbench run tide -o results\n" in lines and "somewhere" not in lines
-    (tmp_path / "results").mkdir()
-    rows = [row("tide", "pbd", h, state_sup=h, seconds=1e-3 / h) for h in (0.1, 0.05)]
-    pandas.DataFrame(rows).to_parquet(tmp_path / "results" / "runs.parquet")
-    monkeypatch.chdir(tmp_path)
-    exec(lines[lines.index("import matplotlib") :], {})
-    assert (tmp_path / "work_precision.pdf").stat().st_size > 1000
-
-
-def test_names_that_no_page_can_hold_are_written_by_their_numbers():
-    lines = repeat_lines({"argv": ["run", "--cases", "B\udcfccher\x1b[0m.py"]})
-    assert lines.encode() and "\x1b" not in lines and "cher" in lines
-
-
-def test_a_study_without_an_environment_can_be_cited():
-    assert "version = {VERSION}" in citation({}) and "2310.01215" in citation({})

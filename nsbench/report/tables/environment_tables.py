@@ -41,13 +41,14 @@ def environment_table(env: dict) -> Table:
 
 def repeat_lines(env: dict) -> str:
     """Write the commands that make the rows and the page again, and the lines of a figure."""
-    argv = [str(a) for a in env.get("argv") or ["run"] if isinstance(a, str | int | float)]
+    stored = env.get("argv")
+    argv = [str(a) for a in stored] if isinstance(stored, list) and stored else ["run"]
     for k, option in enumerate(argv[:-1]):
         if option in ("-o", "--out"):  # a folder of the machine on which the study ran
             argv[k + 1] = "results"
     folder = "results"
     return f"""\
-pip install nsbench=={version_of(env)}
+# nsbench {version_of(env)}, installed as its README says
 nsbench {sanitise(shlex.join(argv))}
 nsbench report {folder}        # this page, from the rows in {folder}
 

@@ -1,0 +1,34 @@
+"""What the report says of how to repeat and cite a study can be run, and read by any page."""
+
+import pandas
+import pytest
+from report_rows import row
+
+from nsbench.report.tables.environment_tables import citation, repeat_lines
+
+
+def test_the_lines_that_repeat_a_figure_run(tmp_path, monkeypatch):
+    """Commands and lines as the page prints them, on rows that a study has written."""
+    env = {"argv": ["run", "tide", "-o", "/somewhere/else"], "versions": {"nsbench": "0.1.0"}}
+    lines = repeat_lines(env)
+    assert "nsbench run tide -o results\n" in lines and "somewhere" not in lines
+    (tmp_path / "results").mkdir()
+    rows = [row("tide", "pbd", h, state_sup=h, seconds=1e-3 / h) for h in (0.1, 0.05)]
+    pandas.DataFrame(rows).to_parquet(tmp_path / "results" / "runs.parquet")
+    monkeypatch.chdir(tmp_path)
+    exec(lines[lines.index("import matplotlib") :], {})
+    assert (tmp_path / "work_precision.pdf").stat().st_size > 1000
+
+
+def test_names_that_no_page_can_hold_are_written_by_their_numbers():
+    lines = repeat_lines({"argv": ["run", "--cases", "B\udcfccher\x1b[0m.py"]})
+    assert lines.encode() and "\x1b" not in lines and "cher" in lines
+
+
+@pytest.mark.parametrize("argv", [5, "run", None, [], {"a": 1}])
+def test_an_environment_that_holds_no_command_stops_no_report(argv):
+    assert "nsbench run\n" in repeat_lines({"argv": argv, "versions": 3})
+
+
+def test_a_study_without_an_environment_can_be_cited():
+    assert "version = {VERSION}" in citation({}) and "2310.01215" in citation({})
