@@ -8,7 +8,7 @@ A file of its own: a C callback is compiled when its file is imported.
 
 import numpy as np
 
-from nsbench.compilation.decorators import cfunc, njit
+from nsbench.compilation.decorators import cfunc, inlined, njit
 from nsbench.linalg.multifrontal import FrontWorkspace
 from nsbench.linalg.nested_dissection import (
     LARGEST_FRONT,
@@ -45,6 +45,8 @@ MAX_EXCHANGES = 90
 FILLED = 0
 BOUNDS = 2
 HEADER = 16
+# places of the arrays in the buffer
+ORDER, FIRST, UP, BPTR, BORDER, REL, PANEL, OPTR, OROW, LOC, SIZES = range(11)
 
 
 @njit(cache=True, error_model="numpy")
@@ -68,23 +70,27 @@ def _store_tree(T, tree_buffer):
     return size
 
 
+@inlined
+def _stored_array(tree_buffer, place):
+    """Return the array at a place of the buffer."""
+    return tree_buffer[tree_buffer[BOUNDS + place] : tree_buffer[BOUNDS + place + 1]]
+
+
 @njit(cache=True, error_model="numpy")
 def _stored_tree(tree_buffer):
     """Return the assembly tree in the buffer, in the order in which _store_tree wrote it."""
-    b = tree_buffer
-    ends = b[BOUNDS:HEADER]
     return AssemblyTree(
-        order=b[ends[0] : ends[1]],
-        first=b[ends[1] : ends[2]],
-        up=b[ends[2] : ends[3]],
-        bptr=b[ends[3] : ends[4]],
-        border=b[ends[4] : ends[5]],
-        rel=b[ends[5] : ends[6]],
-        panel=b[ends[6] : ends[7]],
-        optr=b[ends[7] : ends[8]],
-        orow=b[ends[8] : ends[9]],
-        loc=b[ends[9] : ends[10]],
-        sizes=b[ends[10] : ends[11]],
+        order=_stored_array(tree_buffer, ORDER),
+        first=_stored_array(tree_buffer, FIRST),
+        up=_stored_array(tree_buffer, UP),
+        bptr=_stored_array(tree_buffer, BPTR),
+        border=_stored_array(tree_buffer, BORDER),
+        rel=_stored_array(tree_buffer, REL),
+        panel=_stored_array(tree_buffer, PANEL),
+        optr=_stored_array(tree_buffer, OPTR),
+        orow=_stored_array(tree_buffer, OROW),
+        loc=_stored_array(tree_buffer, LOC),
+        sizes=_stored_array(tree_buffer, SIZES),
     )
 
 

@@ -70,7 +70,7 @@ def values(made, inputs):
     V = np.zeros((made.rows, 3))
     k = len(inputs)
     V[:k] = np.array(inputs)[:, None] + [0.1, 0.0, -0.05]
-    point(made.ops, made.nums, made.first[0, 0], made.first[0, 2], k - 1, V, 3)
+    point(made.ops, made.nums, made.first[0], k - 1, V, 3)
     return V[:, 1]
 
 
@@ -87,7 +87,7 @@ def test_coefficients_are_those_of_the_taylor_series(name):
     for t in (-0.3, 0.0, 0.8):
         C = np.zeros((made.rows, P + 1))
         C[:3, 0] = u(t), v(t), t
-        series(made.ops, made.nums, *made.first[0], made.outs[0], 2, P, C)
+        series(made.ops, made.nums, made.first[0], made.outs[0], 2, P, C)
         want = exact(ELEMENTARY[name], t, P)
         assert np.all(
             np.abs(C[made.outs[0, 2]] - want)
@@ -108,7 +108,7 @@ def test_enclosures_hold_every_derivative_at_every_point(name):
     M = np.zeros((made.rows, ORDER + 1))
     R = np.zeros((made.rows, ORDER + 1))
     path(Q, 2, 3, centre, radius, M, R)
-    enclose(made.ops, made.nums, made.first[0, 0], made.first[0, 2], 2, M, R)
+    enclose(made.ops, made.nums, made.first[0], 2, M, R)
     mid = M[made.outs[0, 2]]
     rad = R[made.outs[0, 2]]
     assert np.all(np.isfinite(rad))
@@ -133,7 +133,7 @@ def test_what_may_be_undefined_on_a_piece_is_not_enclosed(f):
     M = np.zeros((made.rows, ORDER + 1))
     R = np.zeros((made.rows, ORDER + 1))
     path(Q, 2, 1, 0.0, 0.1, M, R)
-    enclose(made.ops, made.nums, made.first[0, 0], made.first[0, 2], 2, M, R)
+    enclose(made.ops, made.nums, made.first[0], 2, M, R)
     assert not np.all(np.isfinite(R[made.outs[0, 2]]))
 
 

@@ -4,6 +4,8 @@ import numpy as np
 
 from nsbench.compilation.decorators import njit
 
+X, Y, Z = range(3)  # axes of the grid
+
 
 @njit(cache=True)
 def _cells(x, start, n, dim, size):
@@ -29,7 +31,9 @@ def _cells(x, start, n, dim, size):
         w = max(size, (z - a) / cap)
         width[c] = w
         num[c] = int((z - a) / w) + 1
-    total = num[0] * num[1] * num[2]
+    total = 1
+    for c in range(dim):
+        total *= num[c]
     # Counting sort by the number of the cell.
     cell = np.empty(n, np.int64)
     first = np.zeros(total + 1, np.int64)
@@ -63,8 +67,8 @@ def near_pairs(
     pi = np.empty(cap, np.int64)
     pj = np.empty(cap, np.int64)
     m = 0
-    n1 = num[1] if dim > 1 else 1
-    n2 = num[2] if dim > 2 else 1
+    n1 = num[Y] if dim > 1 else 1
+    n2 = num[Z] if dim > 2 else 1
     # Cell list search: the 3^dim cells around each particle; insertion sort of its partners by j.
     for i in range(n):
         k = cell[i]
@@ -72,7 +76,7 @@ def near_pairs(
         k1 = (k // n2) % n1 if dim > 1 else 0
         k0 = k // (n1 * n2)
         row = m
-        for a0 in range(max(0, k0 - 1), min(num[0], k0 + 2)):
+        for a0 in range(max(0, k0 - 1), min(num[X], k0 + 2)):
             for a1 in range(max(0, k1 - 1), min(n1, k1 + 2)):
                 for a2 in range(max(0, k2 - 1), min(n2, k2 + 2)):
                     c = (a0 * n1 + a1) * n2 + a2

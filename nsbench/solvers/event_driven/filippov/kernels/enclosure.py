@@ -14,6 +14,7 @@ import numpy as np
 
 from nsbench.compilation.decorators import njit
 from nsbench.solvers.event_driven.filippov.kernels import opcodes as op
+from nsbench.solvers.event_driven.filippov.kernels.loop_state import ALL_END, BEGIN
 from nsbench.solvers.event_driven.filippov.kernels.polynomial_root import CHOOSE
 from nsbench.solvers.event_driven.filippov.kernels.taylor_series import inner
 from nsbench.solvers.event_driven.interval_taylor.kernels.coefficient_recurrences import TINY, UNIT
@@ -170,10 +171,11 @@ def _higher_coefficient(code, c, M, R, a, b, y, k):
 
 
 @njit(cache=True, error_model="numpy")
-def enclose(ops, nums, lo, hi, n, M, R):
-    """Fill rows n + 1 .. of M, R (rows, ORDER + 1), from those of the state and the time, for the
-    operations lo .. hi - 1."""
-    for e in range(lo, hi):
+def enclose(ops, nums, first, n, M, R):
+    """Fill rows n + 1 .. of M, R (rows, ORDER + 1), from those of the state and the time. first
+    (3,): where the operations of the program lie, as a row of Programs.first."""
+    lo = first[BEGIN]
+    for e in range(lo, first[ALL_END]):
         code = ops[e, 0]
         row = n + 1 + e - lo
         i = ops[e, 1]

@@ -134,9 +134,8 @@ def expand_motion(programs, m, t, x, settings, watches, longest, D):
     for j in range(n):
         D[j, 0] = x[j]
     D[n, 0] = t
-    first = programs.first[m]
     outs = programs.outs[m]
-    series(programs.ops, programs.nums, first[0], first[1], first[2], outs, n, p, D)
+    series(programs.ops, programs.nums, programs.first[m], outs, n, p, D)
     return step_length(D, n, p, x, outs, watches, settings.local_error, longest)
 
 

@@ -24,6 +24,11 @@ COUNTERS = 9
 TIME, LONGEST = range(2)
 FLOATS = 2
 
+# columns of Programs.first: first operation, and the ends of the leading ones and of all
+BEGIN, LEADING_END, ALL_END = range(3)
+# columns of Records.logged: surface, modes before and after
+SURFACE, MODE_BEFORE, MODE_AFTER = range(3)
+
 WINDOW = 3  # events per window of the test for accumulation
 RING = 2 * WINDOW + 1  # times of the latest events, as many as that test needs
 
@@ -48,9 +53,10 @@ class Programs(NamedTuple):
     """Operations of several programs, one after the other.
 
     ops (e, 3): operation code, rows a and b. nums (e, 2): constants c and d (see opcodes).
-    Program m consists of operations first[m, 0] : first[m, 2]; those up to first[m, 1] compute its
-    leading outputs, the state's derivatives. Operation e of program m computes row
-    n + 1 + e - first[m, 0] of a table; rows 0 .. n - 1 are the state and row n is the time.
+    Program m consists of operations first[m, BEGIN] : first[m, ALL_END]; those up to
+    first[m, LEADING_END] compute its leading outputs, the state's derivatives. Operation e of
+    program m computes row n + 1 + e - first[m, BEGIN] of a table; rows 0 .. n - 1 are the state
+    and row n is the time.
     outs[m, j]: the row of output j, -1 for none. rows: the largest number of rows. kinks: of all.
     """
 

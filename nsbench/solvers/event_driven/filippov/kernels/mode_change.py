@@ -24,8 +24,11 @@ from nsbench.solvers.event_driven.filippov.kernels.loop_state import (
     KINK,
     MEET,
     MEETINGS,
+    MODE_AFTER,
+    MODE_BEFORE,
     RING,
     START,
+    SURFACE,
     WINDOW,
 )
 from nsbench.solvers.event_driven.filippov.kernels.mode_choice import (
@@ -160,10 +163,9 @@ def log_event(run, i, old, new, t):
     e = run.counters[EVENTS]
     run.records.log[e, 0] = t
     run.records.log[e, 1] = run.motion.theta[i]
-    surface_and_modes = run.records.logged[e]
-    surface_and_modes[0] = i
-    surface_and_modes[1] = old
-    surface_and_modes[2] = new
+    run.records.logged[e, SURFACE] = i
+    run.records.logged[e, MODE_BEFORE] = old
+    run.records.logged[e, MODE_AFTER] = new
     run.counters[EVENTS] += 1
     run.counters[MEETINGS] += 1
 

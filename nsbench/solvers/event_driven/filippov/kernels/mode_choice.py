@@ -48,7 +48,7 @@ def evaluate_program(programs, m, t, x, V):
     for i in range(n):
         V[i, 0] = x[i]
     V[n, 0] = t
-    point(programs.ops, programs.nums, programs.first[m, 0], programs.first[m, 2], n, V, 1)
+    point(programs.ops, programs.nums, programs.first[m], n, V, 1)
 
 
 @fused_kernel
@@ -101,12 +101,11 @@ def trial_sign(programs, m, i, slides, watches, t, x, settings, least, C):
     """
     n = x.size
     outs = programs.outs[m]
-    first = programs.first[m]
     p = min(settings.order, TRIAL_ORDER)
     for j in range(n):
         C[j, 0] = x[j]
     C[n, 0] = t
-    series(programs.ops, programs.nums, first[0], first[1], first[2], outs, n, p, C)
+    series(programs.ops, programs.nums, programs.first[m], outs, n, p, C)
     longest = step_length(
         C, n, p, x, outs, watches, settings.local_error, LONGEST_TRIAL * settings.span
     )

@@ -121,8 +121,6 @@ def certify_piece(programs, m, n, p, watches, t, start, width, whole, local, C, 
     bounds on what the latter miss of the functions. M, R, V: work (see loop_state.Workspace).
     """
     outs = programs.outs[m]
-    lo = programs.first[m, 0]
-    hi = programs.first[m, 2]
     radius = 0.5 * width
     middle = start + radius
     biggest = 1.0
@@ -133,7 +131,7 @@ def certify_piece(programs, m, n, p, watches, t, start, width, whole, local, C, 
         if outs[n + w] >= 0:
             shifted(C, outs[n + w], p, middle, radius, Q, n + w)
     path(Q, n, p, t + middle, radius, M, R)
-    enclose(programs.ops, programs.nums, lo, hi, n, M, R)
+    enclose(programs.ops, programs.nums, programs.first[m], n, M, R)
     least = biggest / max(whole, 1.0)
     pace = 0.0
     for i in range(n):
@@ -145,7 +143,7 @@ def certify_piece(programs, m, n, p, watches, t, start, width, whole, local, C, 
         _at_nodes(Q, i, p, 0, V, i)
     for k in range(ORDER):
         V[n, k] = t + start + radius * (1.0 + NODES[k])
-    point(programs.ops, programs.nums, lo, hi, n, V, ORDER)
+    point(programs.ops, programs.nums, programs.first[m], n, V, ORDER)
     if _agrees_at_nodes(outs, n, p, watches, radius, whole, local, pace, Q, M, V, error):
         return margin
     return 0.0

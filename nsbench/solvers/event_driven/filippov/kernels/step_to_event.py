@@ -43,7 +43,7 @@ def polish_event(programs, m, w, n, p, t, s, h, C, V):
         for j in range(n):
             V[j, 0] = horner(C, j, s, p)
         V[n, 0] = t + s
-        point(programs.ops, programs.nums, programs.first[m, 0], programs.first[m, 2], n, V, 1)
+        point(programs.ops, programs.nums, programs.first[m], n, V, 1)
         slope = 0.0
         for k in range(p, 0, -1):
             slope = slope * s + k * C[row, k]
@@ -96,11 +96,10 @@ def take_step(programs, m, p, local, longest, t, x, armed, certified_width, work
     C = work.C
     lift = work.lift
     outs = programs.outs
-    first = programs.first
     for j in range(n):
         C[j, 0] = x[j]
     C[n, 0] = t
-    series(programs.ops, programs.nums, first[m, 0], first[m, 1], first[m, 2], outs[m], n, p, C)
+    series(programs.ops, programs.nums, programs.first[m], outs[m], n, p, C)
     watches = armed.size
     h = step_length(C, n, p, x, outs[m], watches, local, longest)
     tiny = 64.0 * EPS * abs(t)

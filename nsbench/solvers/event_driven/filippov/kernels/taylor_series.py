@@ -13,6 +13,11 @@ import numpy as np
 
 from nsbench.compilation.decorators import njit
 from nsbench.solvers.event_driven.filippov.kernels import opcodes as op
+from nsbench.solvers.event_driven.filippov.kernels.loop_state import (
+    ALL_END,
+    BEGIN,
+    LEADING_END,
+)
 
 # only called by kernels: without the wrappers for Python they compile in half the time
 inner = njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
@@ -70,10 +75,11 @@ def partner(code, u, y):
 
 
 @njit(cache=True, error_model="numpy")
-def point(ops, nums, lo, hi, n, V, many):
+def point(ops, nums, first, n, V, many):
     """Fill V[n + 1 :, :many] with the values at the states V[:n, :many] and the times V[n, :many]
-    of `many` points."""
-    for e in range(lo, hi):
+    of `many` points. first (3,): as in `series`."""
+    lo = first[BEGIN]
+    for e in range(lo, first[ALL_END]):
         code = ops[e, 0]
         u = ops[e, 1]
         v = ops[e, 2]
@@ -159,13 +165,17 @@ def _coefficient(code, C, u, v, y, w, k):
 
 
 @njit(cache=True, error_model="numpy")
-def series(ops, nums, lo, mid, hi, F, n, p, C):
+def series(ops, nums, first, F, n, p, C):
     """Fill the table C (rows, >= p + 1) with coefficients 0 .. p of state and operations, from the
     state C[:n, 0] and the time C[n, 0].
 
-    Operations lo .. mid - 1 give the derivatives, rows F (n,), and go order by order; the others
-    follow one by one when the state is known.
+    first (3,): where the operations of the program lie, as a row of Programs.first. The leading
+    ones give the derivatives, rows F (n,), and go order by order; the others follow one by one when
+    the state is known.
     """
+    lo = first[BEGIN]
+    mid = first[LEADING_END]
+    hi = first[ALL_END]
     for k in range(1, p + 1):
         C[n, k] = 0.0
     C[n, 1] = 1.0
