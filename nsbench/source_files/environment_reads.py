@@ -21,10 +21,11 @@ from pathlib import Path
 
 from nsbench.source_files.locations import is_user_file
 
-# where caches lie, what is printed, and what workers set themselves: no number depends on these
+# where caches lie, what is printed, and what workers and libraries set themselves (threadpoolctl,
+# once imported, lets an OpenMP runtime be loaded twice): no number depends on these
 HARMLESS = re.compile(
     r".*(_CACHE_DIR|_NUM_THREADS|_TRACEBACK_FILTERING|_COLOR_SCHEME)$|JAX_PERSISTENT_CACHE_.*|"
-    r"NSBENCH_CACHE|NPROC|PYTHONHASHSEED|"
+    r"NSBENCH_CACHE|NPROC|PYTHONHASHSEED|KMP_DUPLICATE_LIB_OK|"
     r"NUMBA_(DEBUG|DUMP|DEVELOPER|WARNINGS|TRACE|SHOW|FULL|HIGHLIGHT).*"
 )
 COPIES = ("copy", "items", "values", "__or__", "__ror__", "__repr__", "__eq__")

@@ -265,6 +265,7 @@ def test_what_was_asked_for_versions_and_settings_are_part_of_a_key(monkeypatch)
         "JAX_COMPILATION_CACHE_DIR",
         "OMP_NUM_THREADS",
         "NSBENCH_CACHE",
+        "KMP_DUPLICATE_LIB_OK",
         "EDITOR",
     ):
         with monkeypatch.context() as m:

@@ -110,6 +110,11 @@ def measured(case, method, h):
     return state, reaction, least, traj.bound.is_proven
 
 
+def kinds(proven) -> str:
+    """Return of which kind the error bars of the steps are: bound, estimate or both."""
+    return "both" if proven.any() and not proven.all() else "bound" if proven.all() else "estimate"
+
+
 def main():
     """Print the effectivities; exit status 1 if a bound was below an error."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
@@ -136,7 +141,7 @@ def main():
             pairs += len(found)
             state, reaction, least, proven = (np.array(v) for v in zip(*found, strict=True))
             print(
-                f"{name:24} {method:12} {'bound' if proven.all() else 'estimate':9}"
+                f"{name:24} {method:12} {kinds(proven):9}"
                 f"state {state.min():.3g} .. {state.max():.3g}  reaction {np.nanmin(reaction):.3g}"
                 f" .. {np.nanmax(reaction):.3g}  least {least.min():.4g}",
                 flush=True,

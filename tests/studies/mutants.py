@@ -47,6 +47,7 @@ ROOMS = {
         "nsbench/results/consistency.py",
     ),
 }
+MARKS = ("not long", "long")  # of tests, in the order in which they are tried
 SLOWER = 3.0  # times the limit, after which the tests of a mutant are said to hang
 # survivors that no test can see, by drawn_faults.named
 EQUIVALENT: dict[str, str] = {}
@@ -91,14 +92,29 @@ def tests_of(file: str) -> list[str]:
     return of_room
 
 
-def tested(folder: Path, tests: list[str], limit: float, kernels=None) -> tuple[str, str]:
-    """Run test files in a copy up to the first failure: an outcome, and the test that failed."""
+def tested(folder: Path, tests: list[tuple], limit: float, kernels=None) -> tuple[str, str]:
+    """Run tests in a copy up to the first failure: an outcome, and the test that failed.
+
+    tests: pairs of a file and the marks of those of its tests that are meant (MARKS).
+    """
+    ends = time.monotonic() + limit
+    for marks in MARKS:
+        files = [file for file, m in tests if m == marks]
+        left = ends - time.monotonic()
+        outcome = _tested(folder, files, marks, left, kernels) if files else ("survived", "")
+        if outcome[0] != "survived":
+            return outcome
+    return "survived", ""
+
+
+def _tested(folder, files, marks, limit, kernels) -> tuple[str, str]:
     env = os.environ | {
         "PYTHONPATH": str(folder),
         "NUMBA_CACHE_DIR": str(kernels or folder / ".kernels"),
         "XDG_CACHE_HOME": str(folder / ".cache"),
     }
-    command = [sys.executable, "-m", "pytest", "-xq", "-n0", "-p", "no:cacheprovider", *tests]
+    command = [sys.executable, "-m", "pytest", "-xq", "-n0", "-p", "no:cacheprovider"]
+    command += ["-m", marks, *files]
     try:
         done = subprocess.run(
             command, cwd=folder, env=env, capture_output=True, text=True, timeout=limit
@@ -115,22 +131,24 @@ class Bench:
     def __init__(self, folder: Path, limit: float):
         self.folder = folder
         self.limit = limit
-        self.seconds: dict[str, float] = {}
+        self.seconds: dict[tuple, float] = {}
         self.baseline: tuple | None = None
         whole_copy(folder)
 
-    def sound_tests(self, file: str) -> list[str]:
-        """Return the tests of a file that pass in the unbroken copy, the quick ones first.
+    def sound_tests(self, file: str) -> list[tuple]:
+        """Return the tests of a file (see `tested`) that pass in the unbroken copy, the quick ones
+        first.
 
         Together they take no longer than the limit.
         """
-        for test in tests_of(file):
+        tests = [(test, marks) for marks in MARKS for test in tests_of(file)]
+        for test in tests:
             if test not in self.seconds:
                 began = time.monotonic()
                 passed = tested(self.folder, [test], self.limit)[0] == "survived"
                 self.seconds[test] = time.monotonic() - began if passed else float("inf")
         out = []
-        for test in sorted(tests_of(file), key=self.seconds.get):
+        for test in sorted(tests, key=self.seconds.get):
             if self.seconds[test] + sum(self.seconds[t] for t in out) <= self.limit:
                 out.append(test)
         return out

@@ -175,6 +175,8 @@ def pytest(folder, pattern, kernels):
             "-n0",
             "-p",
             "no:cacheprovider",
+            "-m",
+            "",  # the long tests too
             *tests_of(pattern, folder),
         ],
         cwd=folder,
