@@ -22,10 +22,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from nsbench.error_bars.contact_rows import ContactRows
+from nsbench.error_bars.local_solution import local_solution
 from nsbench.error_bars.shadow import CLOSED, Stretch, boole, doubt
 
 TERMS = 19  # of exp(A) v for |A| <= 1: the rest is below rounding
 RANK = 1e-9  # relative singular value below which rows count as dependent
+WIDENED = 0.01  # of the error: by so much more of unknown direction a second solution is worth it
 HALVINGS = 2  # of a stretch on which x may close or open contacts at another time than Y
 
 
@@ -186,15 +188,9 @@ class SplitBound:
         out.delta[0] = start
         out.norm[0] = np.linalg.norm(start)
         for j in range(len(self.path.H)):
-            new = known
-            out.pulled[j + 1] = out.pulled[j]
-            out.unknown[j + 1] = out.unknown[j]
-            for stretch in self.path.stretches[j]:
-                new, pulled, unknown = self._carried(stretch, new)
-                out.pulled[j + 1] += pulled
-                out.unknown[j + 1] += unknown
-            if not len(stretch.residual):  # a local solution, from which Y jumps
-                new = replace(new, delta=new.delta + self.path.push[j])
+            new, pulled, unknown = self._over_interval(j, known)
+            out.pulled[j + 1] = out.pulled[j] + pulled
+            out.unknown[j + 1] = out.unknown[j] + unknown
             # the norm alone can be the better bound: then nothing is known of the direction
             norm = self._norm_bound(j, out.norm[j])
             out.norm[j + 1] = min(norm, new.size)
@@ -204,6 +200,49 @@ class SplitBound:
             out.delta[j + 1] = known.delta
             out.radius[j + 1] = known.radius
         return out
+
+    def _over_interval(self, j: int, known: Known) -> tuple[Known, np.ndarray, float]:
+        """Return what is known of the error at the end of interval j, the integral (n,) over it of
+        what the drift at Y differs from that at x, and a bound of what that lacks."""
+        new = known
+        pulled = np.zeros_like(known.delta)
+        unknown = 0.0
+        for stretch in self.path.stretches[j]:
+            new, more_pulled, more_unknown = self._carried(stretch, new)
+            pulled += more_pulled
+            unknown += more_unknown
+        if not len(stretch.residual):  # a local solution, from which Y jumps
+            new = replace(new, delta=new.delta + self.path.push[j])
+        grown = max(1.0, np.exp(self.drift.one_sided * self.path.H[j]))
+        if new.radius > grown * known.radius + WIDENED * new.size:
+            second = self._by_second_solution(j, known)
+            if second is not None and second[0].radius < new.radius:
+                return second
+        return new, pulled, unknown
+
+    def _by_second_solution(self, j: int, known: Known) -> tuple[Known, np.ndarray, float] | None:
+        """Return the same, by the local solution X from where x is known to be near; None if it
+        does not get to the end of the interval.
+
+        The distance of X and x grows as that of any two curves in S: where contacts close and open
+        in another order along x than along Y, Y - X is still known as a vector.
+        """
+        path = self.path
+        shadow = path.shadow
+        t = float(path.nodes.t[j])
+        H = float(path.H[j])
+        near = path.Y[j] - known.delta
+        start = shadow.feasible(np.array([t]), near[None], ())[0]
+        found = local_solution(shadow, t, H, start, path.Y[j + 1])
+        if not found.is_complete:
+            return None
+        factor = np.exp(self.drift.one_sided * H)
+        apart = known.radius + float(np.linalg.norm(start - near))
+        radius = factor * apart + max(1.0, factor) * found.residual
+        most = max(1.0, factor) * (apart + found.residual)
+        new = Known(path.Y[j + 1] - found.state, self.split(()), np.array([radius]))
+        unknown = found.doubt + self.drift.two_sided * H * most
+        return new, path.along[j] - found.drift, unknown
 
     def _norm_bound(self, j, e) -> float:
         factor = np.exp(self.drift.one_sided * self.path.H[j])
