@@ -32,10 +32,10 @@ import numpy as np
 from nsbench.dynamics.contacts.candidates import PAIR, ROW
 from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 from nsbench.error_bars.contact_rows import ContactRows
-from nsbench.error_bars.growth import grown, linear_drift, pushed, tangential
+from nsbench.error_bars.growth import Linear, grown, linear_drift, pushed, tangential
 from nsbench.error_bars.local_solution import MOST_PIECES, local_solution
 from nsbench.error_bars.shadow import Shadow, Stretch
-from nsbench.error_bars.split_bound import Linear, SplitBound
+from nsbench.error_bars.split_bound import SplitBound
 
 # of an estimate: allowance for what its linearisation leaves out, terms of second order in the
 # error

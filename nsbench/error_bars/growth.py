@@ -3,14 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from nsbench.error_bars.contact_rows import ContactRows, normal_part
-from nsbench.error_bars.split_bound import Linear
 
 NUDGE = 2.0**-20  # of own length, for differences of drifts and normals
 LOOKS = 5  # states of a run at which the derivative of the drift is taken
+
+
+@dataclass(frozen=True)
+class Linear:
+    """Drift near a run: derivative J (n, n), by how much it changes along the run, one-sided and
+    two-sided Lipschitz constants (the change included)."""
+
+    J: np.ndarray
+    change: float
+    one_sided: float
+    two_sided: float
 
 
 def derivatives(drift: Callable, t: np.ndarray, X: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ face along its normals. What it lacks to be a solution is the residual rho = Y' 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -26,12 +26,6 @@ HIDDEN_WEIGHTS = [
     [np.prod([(w - b) / (a - b) for b in PLACES if b != a]) for a in PLACES] for w in HIDDEN
 ]
 BETWEEN = (0.125, 0.375, 0.625, 0.875)  # where it must be in S as well
-# values at the eighths of the polynomial through the values at the quarters
-EIGHTHS = np.zeros((9, 5))
-EIGHTHS[::2] = np.eye(5)
-EIGHTHS[1] = np.array([35.0, 140.0, -70.0, 28.0, -5.0]) / 128.0
-EIGHTHS[3] = np.array([-5.0, 60.0, 90.0, -20.0, 3.0]) / 128.0
-EIGHTHS[5:8:2] = EIGHTHS[3:0:-2, ::-1]
 
 
 class Shadow:
@@ -180,38 +174,6 @@ class Stretch:
     residual: np.ndarray
     slack: float
 
-    def halves(self) -> tuple[Stretch, Stretch]:
-        """Return both halves: control points by de Casteljau's algorithm, multipliers as piecewise
-        linear, residuals by the polynomial of degree 4."""
-        a, b, c, d = self.states
-        ab = 0.5 * (a + b)
-        bc = 0.5 * (b + c)
-        cd = 0.5 * (c + d)
-        abc = 0.5 * (ab + bc)
-        bcd = 0.5 * (bc + cd)
-        middle = 0.5 * (abc + bcd)
-        between = 0.5 * (self.loads[:-1] + self.loads[1:])
-        loads = np.empty((9, self.loads.shape[1]))
-        loads[::2] = self.loads
-        loads[1::2] = between
-        rho = EIGHTHS @ self.residual if len(self.residual) else np.empty((0, a.size))
-        # how far the quadrature over the whole may be off, halves of a polynomial do not show
-        slack = 0.5 * self.slack + self.H * doubt(self.residual)
-        parts = [
-            replace(
-                self,
-                t=self.t + 0.5 * k * self.H,
-                H=0.5 * self.H,
-                states=np.array(states),
-                end=states[-1],
-                loads=loads[4 * k : 4 * k + 5],
-                residual=rho[4 * k : 4 * k + 5],
-                slack=slack,
-            )
-            for k, states in enumerate(((a, ab, abc, middle), (middle, bcd, cd, d)))
-        ]
-        return parts[0], parts[1]
-
 
 class Arcs:
     """Residuals (5, K, n) and drifts (5, K, n) at PLACES of K arcs; `inside` (K,): is it in S?
@@ -261,7 +223,6 @@ def hermite(w, H, Y0, Y1, V0, V1):
     dP = 6.0 * w * (1.0 - w) / H * (Y1 - Y0)
     dP += (1.0 - w) * (1.0 - 3.0 * w) * V0 - w * (2.0 - 3.0 * w) * V1
     return P, dP
-
 
 
 def boole(values: np.ndarray) -> np.ndarray:

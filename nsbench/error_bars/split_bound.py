@@ -13,6 +13,10 @@ the size is known, and <w, N^T (q - Lambda)> <= 0 lets it shrink: where all of t
 with q > 0, by kappa = min over k of q_k / |N^+ e_k| per unit of time, against what the drift brings
 in from the rest of w. So the error is delta + z with a vector delta, and a radius of z for the
 tangential part and for that of each group; into the tangential part flows what groups hold.
+
+Where contacts act on x in another order than on Y, the direction of w would be lost so. There a
+second local solution X is computed, from Y - delta: |X - x| grows as between any two curves in S,
+from the radius, and Y - X is the new vector.
 """
 
 from __future__ import annotations
@@ -22,24 +26,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from nsbench.error_bars.contact_rows import ContactRows
+from nsbench.error_bars.growth import Linear
 from nsbench.error_bars.local_solution import local_solution
-from nsbench.error_bars.shadow import CLOSED, Stretch, boole, doubt
+from nsbench.error_bars.shadow import Stretch, boole, doubt
 
 TERMS = 19  # of exp(A) v for |A| <= 1: the rest is below rounding
 RANK = 1e-9  # relative singular value below which rows count as dependent
-WIDENED = 0.01  # of the error: by so much more of unknown direction a second solution is worth it
-HALVINGS = 2  # of a stretch on which x may close or open contacts at another time than Y
-
-
-@dataclass(frozen=True)
-class Linear:
-    """Drift near a run: derivative J (n, n), by how much it changes along the run, one-sided and
-    two-sided Lipschitz constants (the change included)."""
-
-    J: np.ndarray
-    change: float
-    one_sided: float
-    two_sided: float
+WIDENED = 1e-3  # of the error: by so much more of unknown direction a second solution is worth it
 
 
 class Part:
@@ -170,8 +163,8 @@ class SplitBound:
         self.place = {c: k for k, c in enumerate(self.rows.ids)}
         self.N = self.rows.gradients(path.nodes.t[:1], path.Y[:1])[0]
         stretches = [s for j in range(len(path.H)) for s in path.stretches[j]]
-        ranges = self._gap_ranges(stretches)
-        self._ranges = {id(s): pair for s, *pair in zip(stretches, *ranges, strict=True)}
+        gaps = self._least_gaps(stretches)
+        self._gaps = {id(s): g for s, g in zip(stretches, gaps, strict=True)}
         self._splits: dict[tuple, Split] = {}
 
     def split(self, contacts: tuple) -> Split:
@@ -248,30 +241,20 @@ class SplitBound:
         factor = np.exp(self.drift.one_sided * self.path.H[j])
         return factor * e + max(1.0, factor) * self.path.size[j]
 
-    def _carried(
-        self, at: Stretch, known: Known, halvings: int = HALVINGS
-    ) -> tuple[Known, np.ndarray, float]:
+    def _carried(self, at: Stretch, known: Known) -> tuple[Known, np.ndarray, float]:
         """Return what is known of the error at the end of a stretch, the integral (n,) of J w over
         it, and a bound of what that lacks."""
-        least, most = self._ranges.get(id(at)) or (pair[0] for pair in self._gap_ranges([at]))
-        # on a contact that is closed all along, though another one acts, halves would be no shorter
         contacts = {self.place[c] for c in at.closed}
-        contacts |= set(np.flatnonzero(most <= 1e3 * CLOSED).tolist())
         # the contacts that act are those of Y, and whatever x may reach while only these act
         while True:
             step = _Step(self, at, known, self.split(tuple(sorted(contacts))))
-            more = set(np.flatnonzero(least <= step.reaches(self.N)).tolist())
+            more = set(np.flatnonzero(self._gaps[id(at)] <= step.reaches(self.N)).tolist())
             if more <= contacts:
                 return step.end, self.drift.J @ step.flow.integral, step.unknown
-            if halvings:
-                first, second = at.halves()
-                known, pulled, unknown = self._carried(first, known, halvings - 1)
-                known, more_pulled, more_unknown = self._carried(second, known, halvings - 1)
-                return known, pulled + more_pulled, unknown + more_unknown
             contacts |= more
 
-    def _gap_ranges(self, stretches: list[Stretch]) -> tuple[np.ndarray, np.ndarray]:
-        """Return (K, m) lower and upper bounds of all gaps along K stretches."""
+    def _least_gaps(self, stretches: list[Stretch]) -> np.ndarray:
+        """Return (K, m) lower bounds of all gaps along K stretches."""
         parts = np.arange(4) / 3.0
         times = np.concatenate([s.t + parts * s.H for s in stretches])
         gaps = self.rows.gaps(times, np.concatenate([s.states for s in stretches]))
@@ -280,7 +263,7 @@ class SplitBound:
         bend = np.zeros_like(gaps[:, 0])
         if self.rows.is_moving:
             bend = 0.5 * np.abs(np.diff(gaps, n=2, axis=1)).max(axis=1)
-        return gaps.min(axis=1) - bend, gaps.max(axis=1) + bend
+        return gaps.min(axis=1) - bend
 
     def pulls(self, at: Stretch, split: Split) -> list[np.ndarray]:
         """Return (4,) kappa of each part in the quarters of a stretch: 0.0 unless all of its

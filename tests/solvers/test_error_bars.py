@@ -74,12 +74,12 @@ def test_a_scene_of_ones_own_has_a_bound(method):
         traj = nsbench.solve(case, method, h=h)
         error = np.linalg.norm(traj.x - truth.x, axis=1)
         assert np.all(traj.bound.state >= error)
-    # contacts erase errors, which is known of steps that are short beside the time between contacts
-    assert traj.bound.state.max() <= 3.0 * error.max()
-    # what is known by direction needs no Lipschitz constant, and contacts hold the rest
-    off = np.linalg.norm(traj.reaction - truth.reaction, axis=1)
-    assert np.all(traj.bound.reaction >= off)
-    assert traj.bound.reaction.max() <= 3.0 * off.max()
+        # contacts erase errors, and one that takes over from another turns them: their direction
+        # is known through both, which needs no Lipschitz constant
+        assert traj.bound.state.max() <= 3.0 * error.max()
+        off = np.linalg.norm(traj.reaction - truth.reaction, axis=1)
+        assert np.all(traj.bound.reaction >= off)
+        assert traj.bound.reaction.max() <= 4.0 * off.max()
 
 
 def test_a_bound_has_the_units_of_the_state():

@@ -1,11 +1,14 @@
-"""Are the errors kept that `nsbench step` promises?
+"""Are the errors kept that `nsbench step` promises, and the tolerances of methods that have one?
 
-    python tests/studies/promised_errors.py [--own 10] [--error 1%]
+    python tests/studies/promised_errors.py [--own 10] [--error 1%] [--tolerances]
 
 Ten scenes of the catalogue, and --own drawn ones (tests/studies/effectivity.py). Of each, and of
 PBD and catching-up, one line: the step that is chosen, how the error is known, promised and true
 error in the 2-norm over the samples (against the reference; of a drawn scene event_driven), seconds
 of the choice. At the end how many promises were kept; exit status 1 if one was not.
+--tolerances: the method is run with the error as its tolerance instead; stated are the true error
+over it, the steps of all passes, and over them those of the longest equal steps whose true error,
+which only the reference tells, is as small as the tolerance.
 """
 
 import argparse
@@ -33,10 +36,65 @@ def judged(case, method, demand):
     seconds = time.perf_counter() - start
     if not choice.is_found:
         return choice, seconds, None
-    x, _, doubt = truth(case)
     run = nsbench.solve(case, method, **{choice.name: choice.accuracy})
-    error = float(np.linalg.norm(run.x - x, axis=1).max())
-    return choice, seconds, max(0.0, error - doubt)
+    return choice, seconds, true_error(case, run)
+
+
+def true_error(case, run):
+    """Return the largest error over the samples, the doubt about it taken off."""
+    x, _, doubt = truth(case)
+    return max(0.0, float(np.linalg.norm(run.x - x, axis=1).max()) - doubt)
+
+
+def fewest_steps(case, method, tolerance):
+    """Return how many equal steps keep the tolerance, to five per cent, by bisection."""
+    span = float(case.t[-1] - case.t[0])
+    few = 0
+    enough = len(case.t) - 1
+    while true_error(case, nsbench.solve(case, method, h=span / enough)) > tolerance:
+        few = enough
+        enough *= 2
+    while enough - few > 0.05 * enough + 1 and few:
+        middle = (few + enough) // 2
+        error = true_error(case, nsbench.solve(case, method, h=span / middle))
+        few, enough = (few, middle) if error <= tolerance else (middle, enough)
+    return enough
+
+
+def tolerance_kept(case, method, demand):
+    """Print how a run with a tolerance ends; return its error over the tolerance, and its steps
+    over the fewest equal ones. None: it says that it did not reach it."""
+    run = nsbench.solve(case, f"{method}[tol={demand.error:.17g}]")
+    name = f"{case.key} {method}"
+    if not run.status.ok:
+        print(f"{name:36} {run.status.code}: {run.status.why}", flush=True)
+        return None
+    share = true_error(case, run) / demand.error
+    fewest = fewest_steps(case, method, demand.error)
+    steps = run.stats["steps"]
+    kind = "proven" if run.bound.is_proven else "estimate"
+    print(
+        f"{name:36} {kind:8} error {share:.3g} of the tolerance {demand.error:.3g}, {steps} steps in "
+        f"{run.stats['passes']} passes, {steps / fewest:.2f} times {fewest}",
+        flush=True,
+    )
+    return share, steps / fewest
+
+
+def tolerances(cases, error):
+    """Print a line a run with a tolerance; exit status 1 if one was not kept."""
+    found = []
+    for case in cases:
+        if truth(case) is None:
+            continue
+        found += [tolerance_kept(case, m, demand_of(case, error)) for m in METHODS]
+    share, work = np.array([f for f in found if f]).T
+    print(
+        f"{len(share)} of {len(found)} reached; {(share > 1.0).sum()} above the tolerance; "
+        f"{(share >= 0.1).sum()} within a tenth of it; {(work <= 2.0).sum()} with at most twice "
+        f"the steps, median {np.median(work):.2f}, most {work.max():.2f}"
+    )
+    return int((share > 1.0).any())
 
 
 def main():
@@ -44,13 +102,17 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--own", type=int, default=10, metavar="N")
     parser.add_argument("--error", default="1%")
+    parser.add_argument("--tolerances", action="store_true")
     args = parser.parse_args()
     warnings.simplefilter("ignore")
     own = [(walls_scene, discs_scene)[k % 2](SEED + 1000 + k) for k in range(args.own)]
+    cases = [*map(get_case, CATALOGUE), *own]
+    if args.tolerances:
+        return tolerances(cases, args.error)
     kept = []
     broken = []
     unmet = []
-    for case in [*map(get_case, CATALOGUE), *own]:
+    for case in cases:
         if truth(case) is None:
             print(f"{case.key:24} has no truth", flush=True)
             continue
