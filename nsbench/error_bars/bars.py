@@ -40,7 +40,7 @@ from nsbench.error_bars.split_bound import SplitBound
 # of an estimate: allowance for what its linearisation leaves out, terms of second order in the
 # error
 LINEARISED = 1.25
-# of the vectors whose sum is the error of the reaction: they may cancel by more than they are right
+# of the vectors whose sum is an error: they may cancel by more than they are right
 CANCELLED = 0.05
 ACTS = 1e-12  # of the largest impulse of an interval: less of one is rounding of a QP
 ENTRIES = 2_000_000  # of gradients that are evaluated at once
@@ -201,9 +201,10 @@ class Path:
             delta[j + 1] = new + self.push[j]
         offset = self.nodes.x - self.Y
         norms = [np.linalg.norm(v, axis=1) for v in (offset, delta, pulled)]
-        state = norms[0] + norms[1] + slack
+        together = np.linalg.norm(offset + delta, axis=1)
+        state = LINEARISED * (together + slack) + CANCELLED * (norms[0] + norms[1])
         reaction = LINEARISED * slack + CANCELLED * sum(norms)
-        return Growth(LINEARISED, LINEARISED * state, reaction, offset + delta - pulled)
+        return Growth(LINEARISED, state, reaction, offset + delta - pulled)
 
     def has_passed(self) -> bool:
         """Are particles on a line in another order somewhere than at the start?
