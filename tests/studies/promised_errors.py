@@ -47,18 +47,26 @@ def true_error(case, run):
 
 
 def fewest_steps(case, method, tolerance):
-    """Return how many equal steps keep the tolerance, to five per cent, by bisection."""
+    """Return how many steps the run with the longest equal steps takes that keeps the tolerance, to
+    five per cent, by bisection; a sample interval has a whole number of steps."""
     span = float(case.t[-1] - case.t[0])
     few = 0
     enough = len(case.t) - 1
-    while true_error(case, nsbench.solve(case, method, h=span / enough)) > tolerance:
+    while not (run := _equal_steps(case, method, span / enough, tolerance)):
         few = enough
         enough *= 2
-    while enough - few > 0.05 * enough + 1 and few:
+    while few and enough - few > 0.05 * enough + 1:
         middle = (few + enough) // 2
-        error = true_error(case, nsbench.solve(case, method, h=span / middle))
-        few, enough = (few, middle) if error <= tolerance else (middle, enough)
-    return enough
+        found = _equal_steps(case, method, span / middle, tolerance)
+        few, enough = (few, middle) if found else (middle, enough)
+        run = found or run
+    return run.stats["steps"]
+
+
+def _equal_steps(case, method, h, tolerance):
+    """Return the run with equal steps if it keeps the tolerance, else None."""
+    run = nsbench.solve(case, method, h=h)
+    return run if true_error(case, run) <= tolerance else None
 
 
 def tolerance_kept(case, method, demand):

@@ -19,7 +19,11 @@ from nsbench.trajectory import Status, Trajectory
 
 FIRST_STEPS = 32  # of the first pass, at least
 PASSES = 12
-SAFETY = 0.8  # of the tolerance, which a pass is to reach
+SAFETY = 0.9  # of the tolerance, which a pass is to reach
+# a pass whose steps are more than FAR times too long foretells those of the last one badly: one
+# between them, with steps BETWEEN times too long, costs little beside it
+FAR = 8.0
+BETWEEN = 4.0
 LEAST = 1.0 / 64.0  # a pass shortens steps by no more: what it knows of shorter ones is little
 POWERS = (0.0, 0.25, 0.5)  # of what is gained, with which steps are shorter; 1/2 if nothing else is
 EVEN = 2.0  # steps differ from equally long ones by at most this factor in one pass
@@ -142,6 +146,8 @@ def next_steps(
     for ratio in ratios:
         change = _predicted(bars, ratio) / now
         needed = SAFETY * tolerance / (float(np.max(bars.state)) * change)
+        if needed < 1.0 / FAR:
+            needed = BETWEEN * needed
         steps = np.minimum(h * ratio * np.clip(needed, LEAST, 0.9), spacing)
         found.append((float((spacing / steps).sum()) * max(1.0, LEAST / needed), steps))
     return min(found, key=lambda pair: pair[0])[1]
