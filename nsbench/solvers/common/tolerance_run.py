@@ -3,6 +3,7 @@
 A pass with long steps has error bars that are made of what each sample interval adds and of the
 distance to the feasible set, both proportional to the step. The next pass has steps that would keep
 the tolerance, longer where little is added: for a sum of a_k h_k at least work, h_k ~ a_k^(-1/2).
+Half of that power is taken, since what an interval adds depends on the steps before it.
 """
 
 from __future__ import annotations
@@ -25,8 +26,8 @@ SAFETY = 0.9  # of the tolerance, which a pass is to reach
 FAR = 8.0
 BETWEEN = 4.0
 LEAST = 1.0 / 64.0  # a pass shortens steps by no more: what it knows of shorter ones is little
-POWERS = (0.0, 0.25, 0.5)  # of what is gained, with which steps are shorter; 1/2 if nothing else is
-EVEN = 2.0  # steps differ from equally long ones by at most this factor in one pass
+POWERS = (0.0, 0.25)  # of what is gained, with which steps are shorter
+EVEN = 1.4  # steps differ from equally long ones by at most this factor in one pass
 MOST_STEPS = 20_000_000
 
 
@@ -128,24 +129,19 @@ def _failed(traj: Trajectory, bars: Bars) -> Status:
     return Status("unverified", f"No step can be chosen. {bars.why}")
 
 
-def next_steps(
-    h: np.ndarray, spacing: np.ndarray, bars: Bars, tolerance: float
-) -> np.ndarray:
+def next_steps(h: np.ndarray, spacing: np.ndarray, bars: Bars, tolerance: float) -> np.ndarray:
     """Return steps (k - 1,) that would keep the tolerance, from the error bars with the steps h.
 
-    Predicted are error bars proportional to the steps: at sample i the sum of `bars.gained` before
-    it and `bars.distance`, enlarged as the bars were. Of steps as they are, longer ones where
-    little is gained, and equal ones, those are taken that need the least work.
+    Of steps as they are, longer ones where little is gained, and equal ones, those are taken that
+    need the least work.
     """
     density = np.maximum(bars.gained / spacing, 1e-300)
     mean = np.exp(np.log(density).mean())
     ratios = [np.clip((mean / density) ** p, 1.0 / EVEN, EVEN) for p in POWERS]
     ratios.append(np.exp(np.log(h).mean()) / h)
-    now = max(_predicted(bars, np.ones_like(h)), 1e-300)
     found = []
     for ratio in ratios:
-        change = _predicted(bars, ratio) / now
-        needed = SAFETY * tolerance / (float(np.max(bars.state)) * change)
+        needed = SAFETY * tolerance / max(_predicted(bars, ratio), 1e-300)
         if needed < 1.0 / FAR:
             needed = BETWEEN * needed
         steps = np.minimum(h * ratio * np.clip(needed, LEAST, 0.9), spacing)
@@ -154,7 +150,14 @@ def next_steps(
 
 
 def _predicted(bars: Bars, ratio: np.ndarray) -> float:
-    """Return the largest sum of what was gained and the distance, if steps change by `ratio`."""
-    gained = np.append(0.0, np.cumsum(bars.gained * ratio))
+    """Return the largest error bar of the state if steps change by `ratio` (k - 1,).
+
+    At a sample, the part that is no more than the distance to the feasible set changes with the
+    step there; the rest as the sum of what was gained before it.
+    """
+    gained = np.append(0.0, np.cumsum(bars.gained))
+    changed = np.append(0.0, np.cumsum(bars.gained * ratio))
     around = np.append(ratio[0], ratio)
-    return float(np.max(gained + bars.distance * around))
+    mean = np.where(gained > 0.0, changed / np.maximum(gained, 1e-300), around)
+    carried = np.maximum(bars.state - bars.distance, 0.0)
+    return float(np.max(carried * mean + (bars.state - carried) * around))
