@@ -101,6 +101,7 @@ class Path:
         self.stretches: dict[int, list[Stretch]] = {}  # by interval
         self.middle: dict[int, tuple] = {}
         self.is_complete = True
+        self.is_feasible = self.shadow.holds(nodes.t, self.Y)
         self._integrate()
 
     def _integrate(self):

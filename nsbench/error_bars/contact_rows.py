@@ -90,6 +90,20 @@ class ContactRows:
                 N[k, sel] = rows / np.linalg.norm(rows, axis=1, keepdims=True)
         return N
 
+    def constant_gradients(self, t: float, x: np.ndarray) -> np.ndarray:
+        """Return (m, n) the gradients of flat faces, which are those at any state.
+
+        Where both ends of a link on a line coincide at x (n,), it has the gradient of a state at
+        which they do not: a link has two sides, and the sign tells which one is meant.
+        """
+        at = np.array([t])
+        N = self.gradients(at, x[None])[0]
+        lost = ~N.any(axis=1)
+        if lost.any():
+            apart = x + np.sqrt(np.arange(2.0, len(x) + 2.0))
+            N[lost] = self.gradients(at, apart[None])[0][lost]
+        return N
+
     def rates(self, t: np.ndarray, X: np.ndarray) -> np.ndarray:
         """Return (K, m) the partial derivatives of the gaps in time, by central differences."""
         if not self.is_moving:

@@ -167,6 +167,7 @@ def _in_own_units(case: Case, traj: Trajectory) -> Bars:
     proven = proven and not passed
     at = np.searchsorted(nodes.t, traj.t)
     parts = path.bound() if proven else path.estimate()
+    proven = proven and path.is_complete and path.is_feasible
     # rounding of one addition per step, which no residual shows
     rounding = float(np.spacing(np.abs(traj.x).max())) * traj.stats.get("steps", len(nodes.t))
     own_drift = traj.x - traj.x[0] - traj.reaction
@@ -175,6 +176,8 @@ def _in_own_units(case: Case, traj: Trajectory) -> Bars:
     reaction = parts.factor * off + parts.reaction[at] + rounding
     impulse = np.maximum.accumulate(reaction) / path.least_singular_values()[at]
     why = _doubt(path, state.max(), particle_distance(case), proven)
+    if is_convex(case.problem) and not path.is_feasible:
+        why = "No states near the run were found that violate no constraint."
     if passed:
         why = "Particles have passed through one another: the run is in another order."
     distance = np.linalg.norm((nodes.x - path.Y)[at], axis=1)

@@ -29,6 +29,7 @@ from nsbench.error_bars.shadow import (
     HIDDEN,
     HIDDEN_WEIGHTS,
     NEWTON,
+    OUTSIDE,
     PULL,
     REPAIRS,
     Shadow,
@@ -146,6 +147,7 @@ class _Piece:
         if self._stop_at_release(q):
             self._take_step()
         self._stop_at_closing()
+        self._stop_at_violation(q)
 
     def _field(self, s, x):
         return np.asarray(self.shadow.drift(self.t + s, x), float)
@@ -222,6 +224,19 @@ class _Piece:
         if late is not None:
             above = lambda s: self._least_gap(np.array([s]))[0] - 0.5 * CLOSED
             self._cut(above, late, CLOSING)
+
+    def _stop_at_violation(self, q):
+        """Shorten the piece to before a flat contact is violated that is closed at its start and
+        does not act: it opens and closes again."""
+        resting = [c for c, load in zip(self.closed.ids, q, strict=True) if not load > 0.0]
+        if not resting or not self.shadow.is_flat:
+            return
+        looks = self.length * LOOKS
+        gaps = self.shadow.rows(resting).gaps(self.t + looks, self._curve(looks)[0])
+        late = np.flatnonzero(gaps.min(axis=1) < -OUTSIDE)
+        if late.size:
+            self.length = float(looks[late[0] - 1] if late[0] else 0.5 * looks[0])
+            self.is_cut = True
 
     def _least_gap(self, s):
         """Return (K,) the least gap of the open contacts at the times s (K,) of the piece."""

@@ -16,6 +16,7 @@ from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 from nsbench.error_bars.contact_rows import ContactRows, normal_part, off_cone, times
 
 CLOSED = 1e-12  # of own length: a gap that is zero up to rounding
+OUTSIDE = 1e3 * CLOSED  # a state that violates no constraint by more counts as one of S
 PULL = 1e-6  # of own speed: less of a pull at an end of an arc is part of its residual
 NEWTON = 6  # Gauss-Newton steps onto a curved face
 MOST_ROWS = 2_000  # constraints that are all looked at
@@ -72,6 +73,10 @@ class Shadow:
             worst = np.minimum(worst, hard)
         return worst
 
+    def holds(self, t: np.ndarray, X: np.ndarray) -> bool:
+        """Are all states (K, n) in S?"""
+        return bool(np.all(self.least_gaps(t, X) >= -OUTSIDE))
+
     def feasible(self, t: np.ndarray, X: np.ndarray, ids: Sequence[tuple]) -> np.ndarray:
         """Return states (K, n) of S near X in which the contacts `ids` are closed."""
         rows = self.rows(ids)
@@ -119,11 +124,10 @@ class Shadow:
             s = t + w * H
             if rows.m and not (rows.is_straight and not rows.is_moving):
                 P = rows.closed(s, P)
-            if self._static.m:
-                inside &= self._static.gaps(s, P).min(axis=1) >= -1e3 * CLOSED
+            inside &= self.least_gaps(s, P) >= -OUTSIDE
             if rows.m and rows.is_straight:
                 # both sides of a slab may act in one interval: no state closes both
-                inside &= np.abs(rows.gaps(s, P)).max(axis=1) <= 1e3 * CLOSED
+                inside &= np.abs(rows.gaps(s, P)).max(axis=1) <= OUTSIDE
             field[e] = {0.0: F0, 1.0: F1}[w] if w in (0.0, 1.0) else self.fields(s, P)
             rest = dP - field[e]
             if rows.m:
@@ -134,12 +138,11 @@ class Shadow:
             residual[e] = rest
             if w == 0.5:
                 middle = P
-        if self._static.m:
-            for w in BETWEEN:
-                P, _ = hermite(w, H[:, None], Y0, Y1, V0, V1)
-                if rows.m and not (rows.is_straight and not rows.is_moving):
-                    P = rows.closed(t + w * H, P)
-                inside &= self._static.gaps(t + w * H, P).min(axis=1) >= -1e3 * CLOSED
+        for w in BETWEEN:
+            P, _ = hermite(w, H[:, None], Y0, Y1, V0, V1)
+            if rows.m and not (rows.is_straight and not rows.is_moving):
+                P = rows.closed(t + w * H, P)
+            inside &= self.least_gaps(t + w * H, P) >= -OUTSIDE
         # where a contact pulls at an end, the motion has left it: no arc
         pull = np.linalg.norm(residual[:: len(PLACES) - 1], axis=2).max(axis=0)
         inside &= pull <= PULL * np.maximum(1.0, np.linalg.norm(F0, axis=1))

@@ -32,7 +32,10 @@ from nsbench.error_bars.shadow import Stretch, boole, doubt
 
 TERMS = 19  # of exp(A) v for |A| <= 1: the rest is below rounding
 RANK = 1e-9  # relative singular value below which rows count as dependent
-WIDENED = 1e-3  # of the error: by so much more of unknown direction a second solution is worth it
+# of the error: a second solution is worth it where more than UNKNOWN of it has no known direction,
+# and WIDENED of that is new
+UNKNOWN = 0.02
+WIDENED = 1e-3
 
 
 class Part:
@@ -161,7 +164,7 @@ class SplitBound:
         self.drift = drift
         self.rows: ContactRows = path.shadow.all_rows()
         self.place = {c: k for k, c in enumerate(self.rows.ids)}
-        self.N = self.rows.gradients(path.nodes.t[:1], path.Y[:1])[0]
+        self.N = self.rows.constant_gradients(path.nodes.t[0], path.Y[0])
         stretches = [s for j in range(len(path.H)) for s in path.stretches[j]]
         gaps = self._least_gaps(stretches)
         self._gaps = {id(s): g for s, g in zip(stretches, gaps, strict=True)}
@@ -207,7 +210,8 @@ class SplitBound:
         if not len(stretch.residual):  # a local solution, from which Y jumps
             new = replace(new, delta=new.delta + self.path.push[j])
         grown = max(1.0, np.exp(self.drift.one_sided * self.path.H[j]))
-        if new.radius > grown * known.radius + WIDENED * new.size:
+        widened = new.radius - grown * known.radius
+        if new.radius > UNKNOWN * new.size and widened > WIDENED * new.size:
             second = self._by_second_solution(j, known)
             if second is not None and second[0].radius < new.radius:
                 return second
@@ -215,7 +219,7 @@ class SplitBound:
 
     def _by_second_solution(self, j: int, known: Known) -> tuple[Known, np.ndarray, float] | None:
         """Return the same, by the local solution X from where x is known to be near; None if it
-        does not get to the end of the interval.
+        does not get to the end of the interval, or no such state of S is found.
 
         The distance of X and x grows as that of any two curves in S: where contacts close and open
         in another order along x than along Y, Y - X is still known as a vector.
@@ -226,6 +230,8 @@ class SplitBound:
         H = float(path.H[j])
         near = path.Y[j] - known.delta
         start = shadow.feasible(np.array([t]), near[None], ())[0]
+        if not shadow.holds(np.array([t]), start[None]):
+            return None
         found = local_solution(shadow, t, H, start, path.Y[j + 1])
         if not found.is_complete:
             return None
@@ -259,11 +265,14 @@ class SplitBound:
         times = np.concatenate([s.t + parts * s.H for s in stretches])
         gaps = self.rows.gaps(times, np.concatenate([s.states for s in stretches]))
         gaps = gaps.reshape(len(stretches), 4, -1)
-        # a cubic is in the hull of its control points; what walls move besides is taken as bent
-        bend = np.zeros_like(gaps[:, 0])
+        # a cubic is in the hull of its control points, up to its shift onto faces; walls that move
+        # are bent besides, which shows at a state that rests
+        off = np.array([s.slack for s in stretches])[:, None]
         if self.rows.is_moving:
-            bend = 0.5 * np.abs(np.diff(gaps, n=2, axis=1)).max(axis=1)
-        return gaps.min(axis=1) - bend
+            resting = np.repeat([s.states[0] for s in stretches], 4, axis=0)
+            walls = self.rows.gaps(times, resting).reshape(gaps.shape)
+            off = off + 0.5 * np.abs(np.diff(walls, n=2, axis=1)).max(axis=1)
+        return gaps.min(axis=1) - off
 
     def pulls(self, at: Stretch, split: Split) -> list[np.ndarray]:
         """Return (4,) kappa of each part in the quarters of a stretch: 0.0 unless all of its
@@ -361,7 +370,8 @@ class _Flow:
         self.end = _flow(H * s.along, self.start)
         self.integral = H * _flow(H * s.along, self.start, kind=1)
         size = _size(rho @ s.tangent, H)
-        self.bend = size + 0.125 * rate * rate * np.exp(rate) * float(np.linalg.norm(self.start))
+        bend = size + 0.125 * rate * rate * float(np.linalg.norm(self.start))
+        self.bend = np.exp(rate) * bend
         self.error = 0.0
         self.lack = 0.0
         if not len(rho):
@@ -374,9 +384,10 @@ class _Flow:
         moment = H * float(np.linalg.norm(0.25 * (at[3] - at[1]) + 0.1 * (at[4] - at[0])))
         # residuals are carried on from the middle of the interval
         self.end = self.end + total + 0.5 * H * (s.along @ total)
-        self.error = rough + rate * rate * size + rate * moment
+        second = max(rate * rate, float(np.expm1(rate)) - rate)  # of the exponential series
+        self.error = rough + second * size + rate * moment
         self.integral = self.integral + 0.5 * H * total
-        self.lack = H * (0.5 * rough + moment + rate * size)
+        self.lack = H * (0.5 * rough + moment + max(rate, second) * size)
 
 
 def _flow(A: np.ndarray, v: np.ndarray, kind: int = 0) -> np.ndarray:
