@@ -27,10 +27,10 @@ import numpy as np
 
 from nsbench.error_bars.contact_rows import ContactRows
 from nsbench.error_bars.growth import Linear
+from nsbench.error_bars.linear_flow import Flow, residual_size
 from nsbench.error_bars.local_solution import local_solution
-from nsbench.error_bars.shadow import Stretch, boole, doubt
+from nsbench.error_bars.shadow import Stretch
 
-TERMS = 19  # of exp(A) v for |A| <= 1: the rest is below rounding
 RANK = 1e-9  # relative singular value below which rows count as dependent
 # of the error: a second solution is worth it where more than UNKNOWN of it has no known direction,
 # and WIDENED of that is new
@@ -297,13 +297,13 @@ class _Step:
     def __init__(self, bound: SplitBound, at: Stretch, known: Known, s: Split):
         H = at.H
         drift = bound.drift
-        most = _size(at.residual, H) + at.slack
+        most = residual_size(at.residual, H) + at.slack
         most = max(1.0, np.exp(drift.one_sided * H)) * (known.size + most)
         radii = known.radii_in(s).copy()
         self.split = s
         self.two_sided = bound.rows.near.sign < 0
         self.peaks = np.zeros(len(radii))
-        self.flow = _Flow(s, known.delta, at.residual, H)
+        self.flow = Flow(s.tangent, s.along, known.delta, at.residual, H)
         pulls = bound.pulls(at, s)
         # the groups first: what they hold flows into the tangential part, which comes last
         for k in reversed(range(len(s.parts))):
@@ -314,7 +314,7 @@ class _Step:
             if k > 0:
                 first += float(np.linalg.norm(part.projection @ known.delta))
                 rest = most
-                added = at.slack + _size(at.residual @ part.projection, H)
+                added = at.slack + residual_size(at.residual @ part.projection, H)
             inflow = part.inflow * rest + drift.change * most
             grown = max(1.0, np.exp(part.rate * H))
             self.peaks[k] = 0.0 if part.is_empty else grown * (first + H * inflow + added)
@@ -346,65 +346,3 @@ def _held(r: float, rate: float, inflow: float, pulls: np.ndarray, H: float) -> 
         net = inflow - pull
         r = max(0.0, grown * r + step * net * (max if net > 0.0 else min)(1.0, grown))
     return float(r)
-
-
-def _size(rho: np.ndarray, H: float) -> float:
-    """Return an upper estimate of the integral of |rho|, from rho (5, n) at the quarters."""
-    if not len(rho):
-        return 0.0
-    sizes = np.linalg.norm(rho, axis=1)
-    return H * (boole(sizes) + doubt(sizes[:, None]))
-
-
-class _Flow:
-    """P delta over an interval of length H, carried on by the flow exp(s A), A = P J P, and by the
-    residuals rho (5, n) at its quarters.
-
-    start, end (n,): at its ends, bend: how far it may be from the line between them; integral (n,):
-    over it; error, lack: bounds of what the formulas of `end` and `integral` leave out.
-    """
-
-    def __init__(self, s: Split, delta: np.ndarray, rho: np.ndarray, H: float):
-        rate = H * float(np.linalg.norm(s.along))
-        self.start = s.tangent @ delta
-        self.end = _flow(H * s.along, self.start)
-        self.integral = H * _flow(H * s.along, self.start, kind=1)
-        size = _size(rho @ s.tangent, H)
-        bend = size + 0.125 * rate * rate * float(np.linalg.norm(self.start))
-        self.bend = np.exp(rate) * bend
-        self.error = 0.0
-        self.lack = 0.0
-        if not len(rho):
-            return
-        at = rho @ s.tangent
-        total = H * boole(at)
-        rough = H * doubt(at)
-        # the first moment of rho about the middle, which the formulas leave out, by Boole's rule is
-        # 0.089 (at[3] - at[1]) + 0.039 (at[4] - at[0]) times H
-        moment = H * float(np.linalg.norm(0.25 * (at[3] - at[1]) + 0.1 * (at[4] - at[0])))
-        # residuals are carried on from the middle of the interval
-        self.end = self.end + total + 0.5 * H * (s.along @ total)
-        second = max(rate * rate, float(np.expm1(rate)) - rate)  # of the exponential series
-        self.error = rough + second * size + rate * moment
-        self.integral = self.integral + 0.5 * H * total
-        self.lack = H * (0.5 * rough + moment + max(rate, second) * size)
-
-
-def _flow(A: np.ndarray, v: np.ndarray, kind: int = 0) -> np.ndarray:
-    """Return exp(A) v, or with kind 1 the mean of exp(s A) v over 0 <= s <= 1; by the Taylor series
-    where that is short."""
-    if not (np.any(A) and np.any(v)):
-        return v
-    parts = 1
-    while np.linalg.norm(A) > parts:
-        parts *= 2
-    part = A / parts
-    mean = np.zeros_like(v)
-    for _ in range(parts):
-        term = v
-        v = np.zeros_like(v)
-        for k in range(TERMS):
-            v = v + term
-            mean = mean + term / ((k + 1) * parts)
-            term = part @ term / (k + 1)
-    return mean if kind else v

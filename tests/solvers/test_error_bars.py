@@ -7,8 +7,10 @@ import pytest
 from changed_cases import units
 
 import nsbench
-from nsbench import Affine, Case, Complementarity, get_case
+from nsbench import Affine, Case, Complementarity, Distance, get_case
 from nsbench.cli import main
+from nsbench.dynamics.contacts.constraint_set import ConstraintSet
+from nsbench.error_bars.shadow import Shadow
 from nsbench.reference import reference
 from nsbench.solvers.common.time_grid import grid
 
@@ -245,3 +247,48 @@ def test_error_bars_use_one_thread_of_blas(monkeypatch):
         run = nsbench.solve(nsbench.get_case("tide"), "pbd", h=0.05)
         assert np.isfinite(run.bound.state).all()
     assert set(threads) == {1}
+
+
+def tether(f):
+    """A point on a line, tethered to where it starts, beside a coordinate that it drives."""
+
+    def drift(xp):
+        return lambda t, x: xp.array(f(xp, t, x))
+
+    links = (Distance(d=1.0, sign=-1, dim=1, pairs=[[0, 0]], anchors=[[0.0]]),)
+    problem = Complementarity(drift, links)
+    return Case(name="tether", problem=problem, x0=np.zeros(2), t=np.linspace(0.0, 2.0, 21))
+
+
+TETHERS = {
+    "stable": lambda xp, t, x: [1.0 + 0.5 * xp.cos(3.0 * t), 2.0 * xp.cos(t) - x[0]],
+    "growing": lambda xp, t, x: [1.0 + 0.5 * xp.cos(3.0 * t), 3.0 * (x[0] - 1.0) - xp.cos(2.0 * t)],
+}
+
+
+@pytest.mark.parametrize("h", [0.1, 0.01])
+@pytest.mark.parametrize("name", TETHERS)
+def test_a_bound_holds_for_a_tether_whose_ends_coincide_at_the_start(name, h):
+    case = tether(TETHERS[name])
+    truth = nsbench.solve(case, "event_driven")
+    traj = nsbench.solve(case, "pbd", h=h)
+    assert traj.bound.is_proven
+    assert np.all(traj.bound.state >= np.linalg.norm(traj.x - truth.x, axis=1) - 1e-10)
+    off = np.linalg.norm(traj.reaction - truth.reaction, axis=1)
+    assert np.all(traj.bound.reaction >= off - 1e-10)
+
+
+def test_the_comparison_curve_stays_feasible_between_its_nodes():
+    """Two points on a line that touch at some nodes, and are drawn together between them."""
+
+    def drift(xp):
+        return lambda t, x: xp.array([xp.sin(2.0 * np.pi * t), -xp.sin(2.0 * np.pi * t)])
+
+    problem = Complementarity(drift, (Distance(d=1.0, dim=1),))
+    scene = ConstraintSet(problem, 2)
+    t = np.arange(5.0)
+    shadow = Shadow(scene, drift(np))
+    x = np.tile([0.0, 1.0], (5, 1))
+    steep = np.array([[0.3, -0.3], [-0.3, 0.3]])
+    arcs = shadow.arcs(t[:1], np.ones(1), x[:1], x[1:2], steep[:1], steep[1:], ())
+    assert not arcs.inside[0]
