@@ -50,6 +50,7 @@ from nsbench.report.tables.reliability_tables import (
 from nsbench.report.verdict import compare_speeds, write_headline, write_verdict
 
 MAX_NOTES = 3  # of one method on one case: most differ in their numbers only
+TAKEN_PREFIXES = ("scene_", "cost_", "study-", "orders-", "errors-", "runs-")  # of ids and files
 MAX_DRAWN_CASES = 100  # cases with figures: a page of more could not be opened
 
 
@@ -100,7 +101,7 @@ def assign_ids(names: Iterable[str]) -> dict[str, str]:
     for name in names:
         base = new = file_stem(name)
         k = 2
-        while new.lower() in taken or new.lower().startswith(("scene_", "cost_", "study-")):
+        while new.lower() in taken or new.lower().startswith(TAKEN_PREFIXES):
             new = f"case_{base}" if k == 2 else f"case_{base}_{k}"
             k = k + 1
         taken.add(new.lower())

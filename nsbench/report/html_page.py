@@ -51,6 +51,10 @@ SECTIONS = (  # id, also the name of the template; heading
     ("talk", "The talk's figure"),
     ("environment", "Repeat, cite; machine, versions, words"),
 )
+LINKED_TABLES = {  # tables to whose rows the section of a case leads, and the words of the link
+    "orders": "orders and best errors",
+    "errors": "errors and residuals at the finest step",
+}
 PLAYER_SCRIPTS = ("charts.js", "scenes.js", "player.js", "start.js")  # of a page with one player
 SCRIPTS = ("page.js", "answer.js", "explore.js", *PLAYER_SCRIPTS)
 _URI_SAFE = " !$()*+,-./:;=?@[]^_`{|}~"  # characters that stay as they are in a data URI
@@ -70,13 +74,15 @@ class Fit:
 class CaseSection:
     """One case as the template shows it.
 
-    scene: a data URI or ""; layout: "", "broad" or "wide". player: packed frames or "". methods:
-    pairs (name, look) of the legend. panels: SVG elements.
+    places: pairs (key, words) of the tables that have rows of the case. scene: a data URI or "";
+    layout: "", "broad" or "wide". player: packed frames or "". methods: pairs (name, look) of the
+    legend. panels: SVG elements.
     """
 
     name: str
     id: str
     meta: str
+    places: list[tuple[str, str]]
     scene: str
     layout: str
     player: str
@@ -103,6 +109,7 @@ def render_page(content: Content) -> str:
     return _render(
         content=content,
         looks=looks,
+        case_ids=content.ids,
         payload=encode_payload(content),
         sections=[s for s in SECTIONS if optional.get(s[0], True)],
         cases=[prepare_case(content, case) for case in content.data.case_keys],
@@ -119,6 +126,7 @@ def render_study_page(study: StudySection, title: str = "", heading: str = "") -
     return _render(
         content=StudyHeader(title or f"nsbench study {study.name}", study.note),
         looks={},
+        case_ids={},
         payload="",
         sections=[(studies[0], heading or studies[1])],
         cases=[],
@@ -186,6 +194,7 @@ def _environment() -> Environment:
     environment.globals |= {
         "shapes": SHAPES,
         "dashes": DASHES,
+        "linked_tables": tuple(LINKED_TABLES),
     }
     return environment
 
@@ -255,6 +264,11 @@ def prepare_case(content: Content, case: str) -> CaseSection:
         name=case,
         id=content.ids[case],
         meta=describe_problem(stored, runs),
+        places=[
+            (key, words)
+            for key, words in LINKED_TABLES.items()
+            if any(row.group == case for row in content.tables[key].rows)
+        ],
         scene="" if scene is None else _data_uri(shorten_paths(scene)),
         layout="" if scene is None else _layout(scene),
         player=pack_player(content.data.players.get(case), runs),

@@ -175,6 +175,39 @@ def test_hovering_names_the_values_of_a_run(page):
 
 
 @pytest.mark.long
+def test_a_case_leads_to_its_rows_alone(page):
+    """Rows of other cases are hidden by the filter, which names the case as it was clicked."""
+    page.evaluate("document.querySelector('#apple .places a[data-filter]').click()")
+    page.wait_for_timeout(1800)
+    shown = page.evaluate(
+        "[...document.querySelectorAll('#t-orders tbody tr:not(.group)')]"
+        ".filter((row) => !row.hidden).map((row) => row.dataset.case)"
+    )
+    assert set(shown) == {"apple"} and page.input_value("#q") == '"apple"'
+    assert is_in_view(page, "q")
+    page.evaluate("document.querySelector('#apple .places .live-only a').click()")
+    page.wait_for_selector("#runs-apple[open] table")
+
+
+@pytest.mark.long
+def test_a_method_of_the_answer_leads_to_its_work_precision_chart(page):
+    """Of the case in the row, with the method picked."""
+    page.evaluate("document.querySelector('#t-answer-cases').closest('details').open = true")
+    row = page.locator("#t-answer-cases tbody tr", has=page.locator("td.best a")).last
+    case = row.locator("td").first.inner_text()
+    method = row.locator("td.best").inner_text().strip()
+    row.locator("td.best a").click()
+    page.wait_for_selector("#explore-chart[data-drawn=yes]")
+    page.wait_for_timeout(1800)
+    chosen = "document.getElementById('explore-{}').selectedOptions[0].textContent"
+    assert page.evaluate(chosen.format("case")) == case
+    assert page.evaluate(chosen.format("cost")) == "seconds"
+    view = "nsbench.drawn.get(document.getElementById('explore-chart')).result.view"
+    assert page.evaluate(f"{view}.signal('pick').method") == [method]
+    assert is_in_view(page, "explore") and page.said == []
+
+
+@pytest.mark.long
 def test_arrow_keys_go_from_case_to_case(page):
     page.mouse.click(5, 400)
     page.keyboard.press("ArrowRight")

@@ -154,7 +154,7 @@ const answer = {
         reached.append(...untimed);
         const line = nsbench.make("tr", { "data-method": nsbench.data.methods[row.method].name });
         line.append(
-          nsbench.make("td", { class: "method" }, nsbench.chip(row.method)),
+          nsbench.make("td", { class: "method" }, explore.chartLink(row.method, null, cases)),
           reached,
           cell(`${row.cheapest}${tie}`),
           cell(row.timed ? `× ${nsbench.format(row.mean / least)}` : "not compared"),
@@ -195,7 +195,7 @@ const answer = {
         const bound = first.cost[k][4] ? "≤ " : "";
         const row = { steps: [first.cost[k][3]], accuracy: first.accuracy };
         line.append(
-          nsbench.make("td", { class: "best" }, nsbench.chip(first.m)),
+          nsbench.make("td", { class: "best" }, explore.chartLink(first.m, c)),
           cell(answer.setting(row)),
           cell(`${bound}${nsbench.seconds(first.cost[k][0])}`),
           cell(second ? `× ${nsbench.format(second.cost[k][0] / first.cost[k][0])}` : "none"),

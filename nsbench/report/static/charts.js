@@ -143,7 +143,7 @@ const nsbench = {
     element.dataset.drawn = "empty";
   },
 
-  // Call `draw` once when the element comes near the screen.
+  // Call `draw` once when the element comes near the screen; returns what draws it at once instead.
   whenSeen(element, draw) {
     const observer = new IntersectionObserver(
       (entries) => {
@@ -155,6 +155,10 @@ const nsbench = {
       { rootMargin: "300px" }
     );
     observer.observe(element);
+    return () => {
+      observer.disconnect();
+      return draw();
+    };
   },
 
   // Rows of an error chart for some pairs: y is a column of errors, x a column of steps or costs.

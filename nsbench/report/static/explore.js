@@ -59,7 +59,31 @@ const explore = {
     const draw = explore.errorFigure(chart, metric, cost, () => Number(cases.value));
     cost.value = "seconds";
     cases.addEventListener("input", draw);
-    nsbench.whenSeen(chart, draw);
+    explore.drawn = nsbench.whenSeen(chart, draw);
+  },
+
+  // A link to the work-precision chart of case c with method m picked there. Without a case: that
+  // of the chart, or the first of `cases` on which the method ran.
+  chartLink(m, c, cases = [c]) {
+    const link = nsbench.make("a", { href: "#explore" }, nsbench.chip(m));
+    link.title = "its work-precision chart";
+    link.addEventListener("click", () => {
+      const select = document.getElementById("explore-case");
+      const ran = (k) => nsbench.data.pairs.some(
+        (pair) => pair.c === k && pair.m === m && pair.word !== "refused");
+      select.value = c ?? [Number(select.value), ...cases].find(ran) ?? select.value;
+      document.getElementById("explore-metric").value = "state";
+      document.getElementById("explore-cost").value = "seconds";
+      explore.pick(m);
+    });
+    return link;
+  },
+
+  // Draw the chart of errors again with one method picked, the others greyed.
+  async pick(m) {
+    const result = await explore.drawn();
+    const name = nsbench.data.methods[m].name;
+    result?.view.signal("pick_method_legend", name).run();
   },
 
   startScatter() {
@@ -142,21 +166,22 @@ const explore = {
       if (!place) {
         return;
       }
+      const runs = explore.runs(c, `runs-${known.id}`);
+      place.append(runs);
       nsbench.whenSeen(place, () => {
         const metric = nsbench.make("select", { "aria-label": "quantity" });
         const cost = nsbench.make("select", { "aria-label": "against" });
         const chart = nsbench.make("div", { class: "chart" });
-        place.append(nsbench.make("p", { class: "tools" }, metric, " against ", cost), chart);
+        runs.before(nsbench.make("p", { class: "tools" }, metric, " against ", cost), chart);
         explore.errorFigure(chart, metric, cost, () => c)();
-        place.append(explore.runs(c));
       });
     });
   },
 
   // All runs of a case as a table, filled when it is opened.
-  runs(c) {
+  runs(c, id) {
     const summary = nsbench.make("summary", {}, "All runs");
-    const details = nsbench.make("details", { class: "fits" }, summary);
+    const details = nsbench.make("details", { class: "fits", id }, summary);
     details.addEventListener("toggle", () => {
       if (details.querySelector("table")) {
         return;

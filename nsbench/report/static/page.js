@@ -50,6 +50,7 @@ const jump = {
       return;
     }
     const words = query.value.toLowerCase().split(/\s+/).filter(Boolean);
+    const exact = query.value.trim().match(/^"(.+)"$/)?.[1]; // the whole name of case or method
     let heading = null;
     let anyShown = false;
 
@@ -67,7 +68,8 @@ const jump = {
         continue;
       }
       const text = (row.dataset.case + " " + row.textContent).toLowerCase();
-      const matches = words.every((word) => text.includes(word));
+      const named = [row.dataset.case, row.cells[0].textContent].includes(exact);
+      const matches = exact ? named : words.every((word) => text.includes(word));
       row.hidden = !matches || (!refusals.checked && row.dataset.kind === "refused");
       anyShown = anyShown || !row.hidden;
     }
@@ -77,6 +79,14 @@ const jump = {
   if (query) {
     query.addEventListener("input", filterRows);
     refusals.addEventListener("change", filterRows);
+    // a case leads to its own rows alone, with the filter above them
+    for (const link of document.querySelectorAll("a[data-filter]")) {
+      link.href = "#q";
+      link.addEventListener("click", () => {
+        query.value = `"${link.dataset.filter}"`;
+        filterRows();
+      });
+    }
   }
 
   // Pointing at a method in a legend dims the lines of all others in its article.
