@@ -10,7 +10,8 @@ import pytest
 from report_rows import STEPS, made, row
 
 import nsbench
-from nsbench.report.charts import files, studies
+from nsbench.report import data
+from nsbench.report.charts import bar_texts, files, layouts, studies
 
 TIDE = [r for r in made() if r["case"] == "tide"]
 CHARTS = {
@@ -82,3 +83,38 @@ def test_layouts_hold_no_data():
     spec = studies.orders(TIDE)
     assert json.dumps(spec, allow_nan=False)
     assert "values" not in spec["data"] and spec["data"]["name"] in spec["datasets"]
+
+
+def barred(case="a", solver="pbd", **more):
+    """Rows of three runs: with a bound, with an estimate, and with neither."""
+    bars = ({"bound_state": 0.012}, {"estimate_state": 0.5}, {})
+    return [
+        row(case, solver, h, state_sup=h / 9, state_norm=0.0098, **bar, **more)
+        for h, bar in zip((0.1, 0.05, 0.02), bars, strict=True)
+    ]
+
+
+def test_an_error_bar_stands_beside_the_error_of_its_run():
+    rows = barred()
+    rows[1]["state_norm"] = np.nan
+    (runs,) = data.read(rows).runs.values()
+    assert bar_texts.describe_bars(runs, "state_sup") == [
+        "error bar (bound) 0.012, error 9.8e-3",
+        "error bar (estimate) 0.5, error not known",
+        "",
+    ]
+    assert bar_texts.describe_bars(runs, "impulse") == ["", "", ""]
+
+
+def test_tooltips_name_the_error_bars_where_there_are_some():
+    tips = lambda spec: [t for layer in spec["layer"] for t in layer["encoding"].get("tooltip", ())]
+    spec = studies.error_against_step(barred())
+    assert [p["bar"][:15] for p in points(spec)] == ["error bar (boun", "error bar (esti", "none"]
+    assert layouts.BAR_TIP in tips(spec)
+    for other in (
+        studies.error_against_step(barred(feasibility=0.1), metric="violation"),
+        studies.error_against_step([{**r, "bound_state": None} for r in barred()[::2]]),
+    ):
+        assert tips(other) and layouts.BAR_TIP not in tips(other)
+    (level,) = points(studies.error_against_step(barred(accuracy="tol")))
+    assert level["kind"] == "level" and level["bar"] == "none"

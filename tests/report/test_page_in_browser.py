@@ -6,13 +6,14 @@ from report_rows import CASES, ENV, SOLVERS, made
 from nsbench import write_report
 
 DRAWN = "#answer-chart[data-drawn=yes] canvas"
+BARS = {"bound_state": 0.012, "state_norm": 0.0098}  # of one method on one case
 GROUPS = {"tide": "Complementarity", "apple": "Filippov"}
 
 
 class Rows:
     """Rows with the stored descriptions that a folder of results has."""
 
-    rows = made()
+    rows = [r | BARS if r["case"] == "apple" and r["solver"] == "pbd" else r for r in made()]
     cases = {name: {**known, "problem": GROUPS.get(name, "LCS")} for name, known in CASES.items()}
     solvers = SOLVERS
     env = ENV
@@ -187,6 +188,25 @@ def test_a_case_leads_to_its_rows_alone(page):
     assert is_in_view(page, "q")
     page.evaluate("document.querySelector('#apple .places .live-only a').click()")
     page.wait_for_selector("#runs-apple[open] table")
+
+
+@pytest.mark.long
+def test_error_bars_stand_in_tooltips_and_runs_where_there_are_some(page):
+    of_case = "(c) => nsbench.data.pairs.filter((p) => nsbench.data.cases[p.c].name === c)"
+    for case, metric, shown in (("apple", "state", 1), ("apple", "force", 0), ("tide", "state", 0)):
+        rows = page.evaluate(
+            f"([c, y]) => nsbench.errorRows(({of_case})(c), y, 'seconds')", [case, metric]
+        )
+        spec = page.evaluate("rows => nsbench.spec('error', rows)", rows)
+        tips = [t["field"] for one in spec["layer"] for t in one["encoding"].get("tooltip", ())]
+        assert ("bar" in tips) == bool(shown)
+        bars = {(r.get("method"), r.get("bar")) for r in rows if r["kind"] != "floor"}
+        assert ("pbd", "error bar (bound) 0.012, error 9.8e-3" if shown else "none") in bars
+        assert ("catching_up", "none") in bars
+    page.evaluate("document.querySelector('#runs-apple summary').click()")
+    page.wait_for_selector("#runs-apple table")
+    cells = page.locator("#runs-apple tbody td:last-child").all_text_contents()
+    assert {"error bar (bound) 0.012, error 9.8e-3", "no error bar"} == set(cells)
 
 
 @pytest.mark.long

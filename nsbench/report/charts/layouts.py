@@ -36,10 +36,11 @@ Spec = dict
 def error_chart(methods: Methods, x_title: str, y_title: str) -> Spec:
     """Lay out errors over a step or a cost, both logarithmic.
 
-    points: rows with method, x, y, kind and tip fields h, seconds, status, why. kind: "error";
+    points: rows with method, x, y, kind and tip fields h, seconds, status, bar, why. kind: "error";
     "zero", an error of exactly 0, drawn at the bottom edge; "failed", a run without a number,
     crossed at the top edge; "floor", whose y is the error of the reference, shaded below; "level",
-    the best error y of a method with a tolerance, drawn across where x is a step.
+    the best error y of a method with a tolerance, drawn across where x is a step. bar: the error
+    bar in words (see without_bar_tips).
     """
     x = _logarithmic("x", x_title)
     y = _logarithmic("y", y_title)
@@ -83,6 +84,17 @@ def error_chart(methods: Methods, x_title: str, y_title: str) -> Spec:
             ),
         ]
     )
+
+
+def without_bar_tips(layers: list[Spec]) -> list[Spec]:
+    """Remove the error bars from the tooltips, for a chart whose runs have none."""
+    kept = []
+    for layer in layers:
+        encoding = dict(layer["encoding"])
+        if "tooltip" in encoding:
+            encoding["tooltip"] = [tip for tip in encoding["tooltip"] if tip != BAR_TIP]
+        kept.append({**layer, "encoding": encoding})
+    return kept
 
 
 def profile_chart(methods: Methods) -> Spec:
@@ -241,12 +253,14 @@ def curve_chart(y_title: str) -> Spec:
 
 PICK = {"name": "pick", "select": {"type": "point", "fields": ["method"]}, "bind": "legend"}
 ZOOM = {"name": "zoom", "select": "interval", "bind": "scales"}
+BAR_TIP = {"field": "bar", "title": "in the 2-norm"}
 RUN_TIPS = [
     {"field": "method"},
     {"field": "y", "title": "error", "format": ".3~g"},
     {"field": "h", "title": "step, 1/k or tol", "format": ".3~g"},
     {"field": "seconds", "format": ".3~g"},
     {"field": "status"},
+    BAR_TIP,
 ]
 
 

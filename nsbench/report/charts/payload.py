@@ -14,6 +14,7 @@ import math
 
 import numpy as np
 
+from nsbench.report.charts.bar_texts import describe_bars
 from nsbench.report.charts.layouts import (
     METRICS,
     curve_chart,
@@ -138,7 +139,8 @@ def _pair(summary: Summary, case: int, method: int) -> dict:
     """One method on one case: its runs by column, its orders, and its cost at every target.
 
     cost: one entry per target, null where the error is not reached, else [seconds, lower quartile,
-    upper quartile, step, 1 if these are upper bounds].
+    upper quartile, step, 1 if these are upper bounds]. bars: error bars in words, by metric, of
+    those that have some.
     """
     runs = summary.runs
     kept = np.unique(np.linspace(0, len(runs) - 1, min(len(runs), MAX_RUNS)).astype(int))
@@ -165,9 +167,20 @@ def _pair(summary: Summary, case: int, method: int) -> dict:
         },
         "floors": {"state": _number(runs.floor("state_sup")), "force": _number(runs.floor(force))},
         "cost": [_cost(cost_at_error(runs, t)) for t in TARGETS],
+        "bars": _bars(runs, {"state": "state_sup", "force": force}, kept),
     }
     out |= {key: column(name) for key, name in {**METRICS, **COSTS}.items()}
     return out
+
+
+def _bars(runs: Runs, columns: dict[str, str], kept: np.ndarray) -> dict[str, list[str]]:
+    """Error bars of the kept runs in words, by metric; columns: the column of each metric."""
+    found = {}
+    for metric, column in columns.items():
+        texts = describe_bars(runs, column)
+        if any(texts):
+            found[metric] = [texts[k] for k in kept]
+    return found
 
 
 def _order(order: Order) -> list | None:

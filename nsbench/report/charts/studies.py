@@ -11,8 +11,16 @@ from pathlib import Path
 
 import numpy as np
 
+from nsbench.report.charts.bar_texts import describe_bars
 from nsbench.report.charts.files import with_data
-from nsbench.report.charts.layouts import METRICS, Spec, curve_chart, error_chart, order_chart
+from nsbench.report.charts.layouts import (
+    METRICS,
+    Spec,
+    curve_chart,
+    error_chart,
+    order_chart,
+    without_bar_tips,
+)
 from nsbench.report.data import Data, Runs, read
 from nsbench.report.panel_choice import STEP_LABEL
 from nsbench.report.style import Look, assign_looks
@@ -140,6 +148,8 @@ def _errors(data: Data, case, metric: str, axis: tuple[str, str], highlight: str
     kinds = {p["kind"] for p in points}
     kind = lambda layer: layer["transform"][0]["filter"]["equal"]
     spec["layer"] = [layer for layer in spec["layer"] if kind(layer) in kinds]
+    if not any(p.get("bar", "none") != "none" for p in points):
+        spec["layer"] = without_bar_tips(spec["layer"])
     return with_data(spec, points)
 
 
@@ -163,11 +173,13 @@ def _methods(data: Data, used: set) -> list:
 def _points(runs: Runs, column: str, x: str) -> list[dict]:
     """Rows of an error chart, as in nsbench.report.charts.layouts.error_chart."""
     errors = np.abs(runs.col[column])
+    bars = describe_bars(runs, column)
     good = runs.good & np.isfinite(errors)
     if x == "h" and runs.accuracy == "tol":
-        some = errors[good & (errors > 0)]
-        level = {"method": runs.solver, "kind": "level", "status": "ok"}
-        return [{**level, "y": float(some.min())}] if some.size else []
+        some = np.where(good & (errors > 0), errors, np.inf)
+        best = int(np.argmin(some))
+        level = {"method": runs.solver, "kind": "level", "status": "ok", "bar": bars[best] or "none"}
+        return [{**level, "y": float(some[best])}] if np.isfinite(some[best]) else []
     out = []
     for k in np.flatnonzero(runs.col[x] > 0):
         status = runs.col["status"][k]
@@ -176,6 +188,7 @@ def _points(runs: Runs, column: str, x: str) -> list[dict]:
             "x": float(runs.col[x][k]),
             "h": float(runs.col["h"][k]),
             "status": status,
+            "bar": bars[k] or "none",
         }
         if np.isfinite(runs.col["seconds"][k]):
             point["seconds"] = float(runs.col["seconds"][k])

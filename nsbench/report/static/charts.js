@@ -87,6 +87,11 @@ const nsbench = {
     const kinds = new Set(rows.map((row) => row.kind));
     const kind = (layer) => layer.transform?.[0].filter.equal;
     spec.layer = spec.layer.filter((layer) => !kind(layer) || kinds.has(kind(layer)));
+    // error bars are named where some run has one
+    const barred = rows.some((row) => row.bar && row.bar !== "none");
+    for (const { encoding } of barred ? [] : spec.layer) {
+      encoding.tooltip &&= encoding.tooltip.filter((tip) => tip.field !== "bar");
+    }
     change(spec);
     nsbench.recolour(spec, new Set(rows.map((row) => row.method)));
     return spec;
@@ -168,9 +173,11 @@ const nsbench = {
     for (const pair of pairs) {
       const method = methods[pair.m].name;
       if (x === "h" && pair.accuracy === "tol") {
-        const found = pair[y].filter((error, k) => pair.good[k] && error > 0);
-        if (found.length) {
-          rows.push({ method, kind: "level", y: Math.min(...found), status: "ok" });
+        const found = pair[y].map((error, k) => (pair.good[k] && error > 0 ? error : Infinity));
+        const least = Math.min(...found);
+        if (least < Infinity) {
+          const bar = pair.bars[y]?.[found.indexOf(least)] || "none";
+          rows.push({ method, kind: "level", y: least, status: "ok", bar });
         }
         continue;
       }
@@ -180,7 +187,8 @@ const nsbench = {
         if (!(at > 0)) {
           return;
         }
-        const row = { method, x: at, h: pair.h[k], seconds: pair.seconds[k], status };
+        const bar = pair.bars[y]?.[k] || "none";
+        const row = { method, x: at, h: pair.h[k], seconds: pair.seconds[k], status, bar };
         if (pair.good[k] && error !== null) {
           rows.push({ ...row, y: error, kind: error > 0 ? "error" : "zero" });
         } else if (!pair.good[k] && status !== "refused") {

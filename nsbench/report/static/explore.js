@@ -186,14 +186,20 @@ const explore = {
       if (details.querySelector("table")) {
         return;
       }
+      const pairs = nsbench.data.pairs.filter((p) => p.c === c);
+      const barred = pairs.some((pair) => pair.bars.state);
       const heads = ["method", "step, 1/k or tol", "status", "state error", "multiplier error",
-        "violation", "seconds"];
+        "violation", "seconds", ...(barred ? ["in the 2-norm"] : [])];
       const body = nsbench.make("tbody");
-      for (const pair of nsbench.data.pairs.filter((p) => p.c === c)) {
+      for (const pair of pairs) {
         pair.status.forEach((status, k) => {
           const cells = [pair.h, null, pair.state, pair.force, pair.violation].map((column) =>
             nsbench.make("td", { class: "number" }, column ? nsbench.format(column[k]) : status));
           cells.push(nsbench.make("td", { class: "number" }, nsbench.seconds(pair.seconds[k])));
+          const bar = pair.bars.state?.[k];
+          if (barred) {
+            cells.push(nsbench.make("td", bar ? {} : { class: "quiet" }, bar || "no error bar"));
+          }
           body.append(nsbench.make("tr", {},
             nsbench.make("td", { class: "method" }, nsbench.chip(pair.m)), ...cells));
         });
