@@ -83,6 +83,7 @@ FIELDS: dict[str, dict[str, Callable[[object], bool]]] = {
         "classes": _are_words,
         "T": _is_number,
         "n": _is_number,
+        "own_length": lambda v: _is_number(v) and float(v) > 0.0,
         "families": lambda v: isinstance(v, str) or _are_words(v),
         "certificate": _is_certificate,
     },

@@ -11,6 +11,7 @@ import numpy as np
 from nsbench import solvers
 from nsbench.case import Case, get_case
 from nsbench.compilation import disk_cache
+from nsbench.dynamics.scaling.estimate import own_length
 from nsbench.source_files.regular_files import read_bytes
 
 MAX_BYTES = 1 << 30  # of a case file or a stored reference
@@ -42,6 +43,7 @@ def describe_case(case: Case) -> dict:
         "classes": list(case.classes),
         "families": [type(c).__name__ for c in getattr(p, "constraints", ())],
         "T": float(case.t[-1] - case.t[0]),
+        "own_length": own_length(case) or None,
         "samples": len(case.t),
         "unique": case.unique,
         "digest": _digest(case.key.encode(), *_contents([case.source])),

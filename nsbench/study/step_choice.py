@@ -17,9 +17,9 @@ import numpy as np
 from nsbench import solvers
 from nsbench.case import Case
 from nsbench.dynamics.contacts.tolerances import scene_of
-from nsbench.dynamics.scaling.estimate import case_scale, particle_distance
+from nsbench.dynamics.scaling.estimate import case_scale, particle_diameter
 from nsbench.error_bars import ErrorBars
-from nsbench.problem import Complementarity, Distance
+from nsbench.problem import Complementarity
 from nsbench.solvers.base import Solver
 from nsbench.solvers.scaled_run import ScaledRun
 from nsbench.trajectory import Trajectory
@@ -80,24 +80,11 @@ def demand_of(case: Case, error: str, overlap: str | None = None) -> Demand:
     ValueError for a text that is neither.
     """
     size = float(np.max(case_scale(case).state))
-    wide = _diameter(case)
+    wide = particle_diameter(case)
     return Demand(
         _length("error", error, size),
         math.inf if overlap is None else _length("overlap", overlap, wide or size),
     )
-
-
-def _diameter(case: Case) -> float:
-    """Return the smallest distance that hard particles keep; the lengths of links are none.
-
-    Of a case with links alone the longest link; 0.0 where there are no distances.
-    """
-    if not isinstance(case.problem, Complementarity):
-        return 0.0
-    hard = [c for c in case.problem.constraints if isinstance(c, Distance) and c.sign > 0]
-    kept = [np.min(2.0 * c.radii if c.d is None else c.d, initial=np.inf) for c in hard]
-    smallest = float(min(kept, default=np.inf))
-    return smallest if smallest < np.inf else particle_distance(case)
 
 
 def _length(name: str, text: str, size: float) -> float:

@@ -7,6 +7,7 @@ from nsbench import write_report
 
 DRAWN = "#answer-chart[data-drawn=yes] canvas"
 BARS = {"bound_state": 0.012, "state_norm": 0.0098}  # of one method on one case
+LENGTHS = {"tide": 2.0}
 GROUPS = {"tide": "Complementarity", "apple": "Filippov"}
 
 
@@ -14,7 +15,10 @@ class Rows:
     """Rows with the stored descriptions that a folder of results has."""
 
     rows = [r | BARS if r["case"] == "apple" and r["solver"] == "pbd" else r for r in made()]
-    cases = {name: {**known, "problem": GROUPS.get(name, "LCS")} for name, known in CASES.items()}
+    cases = {
+        name: {**known, "problem": GROUPS.get(name, "LCS"), "own_length": LENGTHS.get(name)}
+        for name, known in CASES.items()
+    }
     solvers = SOLVERS
     env = ENV
     extra = {}
@@ -207,6 +211,20 @@ def test_error_bars_stand_in_tooltips_and_runs_where_there_are_some(page):
     page.wait_for_selector("#runs-apple table")
     cells = page.locator("#runs-apple tbody td:last-child").all_text_contents()
     assert {"error bar (bound) 0.012, error 9.8e-3", "no error bar"} == set(cells)
+
+
+@pytest.mark.long
+def test_violations_of_runs_are_in_per_cent_where_the_case_has_a_length(page):
+    for case, shown in (("tide", True), ("apple", False)):
+        page.evaluate(f"document.querySelector('#runs-{case} summary').click()")
+        page.wait_for_selector(f"#runs-{case} table")
+        parts = page.locator(f"#runs-{case} td small").all_text_contents()
+        assert bool(parts) == shown and all(part.endswith(" %") for part in parts)
+    assert page.evaluate("[explore.part(0.03, 2), explore.part(null, 2), explore.part(1, null)]") == [
+        "1.5 %",
+        "",
+        "",
+    ]
 
 
 @pytest.mark.long

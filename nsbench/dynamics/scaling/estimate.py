@@ -251,6 +251,29 @@ def particle_distance(case: Case) -> float:
     return max(distances, default=0.0)
 
 
+def particle_diameter(case: Case) -> float:
+    """Return the smallest distance that hard particles keep; the lengths of links are none.
+
+    Of a case with links alone the longest link; 0.0 where there are no distances.
+    """
+    if not isinstance(case.problem, Complementarity):
+        return 0.0
+    hard = [c for c in case.problem.constraints if isinstance(c, Distance) and c.sign > 0]
+    kept = [np.min(2.0 * c.radii if c.d is None else c.d, initial=np.inf) for c in hard]
+    smallest = float(min(kept, default=np.inf))
+    return smallest if smallest < np.inf else particle_distance(case)
+
+
+def own_length(case: Case) -> float:
+    """Return the length that the case itself gives, of which its violations are a per cent.
+
+    The diameter of its particles, else the largest size of `Case.scale`; 0.0 where it has neither,
+    as no length is estimated here.
+    """
+    stated = 0.0 if case.scale is None else case.scale.length
+    return particle_diameter(case) or stated
+
+
 def _wall_motion(case: Case, span: float) -> float:
     """Return how far the farthest moving wall or anchor goes within the run; 0.0 if all rest."""
     t0 = float(case.t[0])

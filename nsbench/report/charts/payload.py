@@ -111,6 +111,7 @@ def payload(content: Content) -> dict:
                 "name": case,
                 "id": content.ids[case],
                 "group": str(data.cases.get(case, {}).get("problem") or "other"),
+                "length": _number(data.cases.get(case, {}).get("own_length")),
                 "tags": [str(t) for t in data.cases.get(case, {}).get("tags") or ()],
             }
             for case in cases

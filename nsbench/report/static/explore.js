@@ -193,8 +193,10 @@ const explore = {
       const body = nsbench.make("tbody");
       for (const pair of pairs) {
         pair.status.forEach((status, k) => {
+          const part = explore.part(pair.violation[k], nsbench.data.cases[c].length);
           const cells = [pair.h, null, pair.state, pair.force, pair.violation].map((column) =>
             nsbench.make("td", { class: "number" }, column ? nsbench.format(column[k]) : status));
+          cells.at(-1).append(...(part ? [nsbench.make("small", {}, part)] : []));
           cells.push(nsbench.make("td", { class: "number" }, nsbench.seconds(pair.seconds[k])));
           const bar = pair.bars.state?.[k];
           if (barred) {
@@ -210,6 +212,12 @@ const explore = {
         nsbench.make("table", {}, nsbench.make("thead", {}, head), body)));
     });
     return details;
+  },
+
+  // A violation in per cent of the length that its case has of its own; "" without one.
+  part(violation, length) {
+    const known = length && violation !== null;
+    return known ? `${nsbench.format((100 * violation) / length)} %` : "";
   },
 
   // Left and right arrow go from case to case.

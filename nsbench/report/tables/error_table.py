@@ -29,13 +29,15 @@ def error_table(data: Data) -> Table:
         runs = data.runs[case, solver]
         if at is None or not any(_is_known(runs, name, at) for name in shown):
             continue
-        cells = (_cell(runs, name, at) for name in shown)
+        length = data.cases.get(case, {}).get("own_length")
+        cells = (_cell(runs, name, at, length) for name in shown)
         rows.append(Row((Cell(solver, kind="method"), *cells), case, solver))
     note = (
         "Every error and residual that the bench measured, of the finest run of each method that "
         "ended with a number. “below” marks one that lies below what the reference's own error can "
-        "make of it, “none” one that has no meaning for the case or the method. Meanings and units "
-        "are in the glossary at the end."
+        "make of it, “none” one that has no meaning for the case or the method. Violations are in "
+        "per cent as well where the case has a length of its own: the diameter of its particles, "
+        "or the size that it states. Meanings and units are in the glossary at the end."
     )
     return Table(
         "errors",
@@ -55,8 +57,8 @@ def _is_known(runs: Runs, name: str, at: int) -> bool:
     return bool(np.isfinite(runs.col[name][at]))
 
 
-def _cell(runs: Runs, name: str, at: int) -> Cell:
-    """One error, as “below” with its floor where it says nothing."""
+def _cell(runs: Runs, name: str, at: int, length: float | None) -> Cell:
+    """One error, as “below” with its floor where it says nothing; a violation also in per cent."""
     if not _is_known(runs, name, at):
         return Cell("none", kind="quiet")
     value = float(runs.col[name][at])
@@ -65,6 +67,9 @@ def _cell(runs: Runs, name: str, at: int) -> Cell:
         return Cell(f"< {format_number(floor)}", kind="number")
     if name in runs.col["below"][at].split():
         return Cell("below", kind="quiet")
-    return Cell(
-        str(int(value)) if describe(name).kind == "count" else format_number(value), kind="number"
-    )
+    if describe(name).kind == "count":
+        return Cell(str(int(value)), kind="number")
+    if name != "feasibility" or not length:
+        return Cell(format_number(value), kind="number")
+    part = f"{format_number(100.0 * value / length)} %"
+    return Cell(format_number(value), part, f"{part} of {format_number(length)}", "number")

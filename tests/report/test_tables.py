@@ -1,0 +1,59 @@
+"""Tables say how large a violation is in per cent, and how far a reference can be relied on."""
+
+import json
+
+import numpy as np
+import pytest
+from report_rows import CASES, row
+
+import nsbench
+from nsbench.case.scale import Scale
+from nsbench.problem import Affine
+from nsbench.report import data, write_report
+from nsbench.report.tables import error_table
+from nsbench.study.describe import describe_case
+
+
+def read(**notes):
+    """One case with a violation of 0.03, described by these notes."""
+    rows = [row("hex", "pbd", h, state_sup=h, feasibility=0.3 * h) for h in (0.2, 0.1)]
+    return data.build(data.columns_of(rows), cases={"hex": {**CASES["hex[n=19]"], **notes}})
+
+
+def violation(known):
+    table = error_table.error_table(known)
+    (line,) = table.rows
+    return line.cells[table.columns.index("violation")]
+
+
+def test_a_violation_is_in_per_cent_of_the_length_of_its_case():
+    assert violation(read(own_length=2.0)).text == violation(read()).text == "0.03"
+    assert violation(read(own_length=2.0)).small == "1.5 %"
+    assert violation(read(own_length=2.0)).title == "1.5 % of 2"
+    assert violation(read()).small == violation(read(own_length=None)).small == ""
+
+
+def test_other_columns_have_no_per_cents():
+    (line,) = error_table.error_table(read(own_length=2.0)).rows
+    assert [cell.small for cell in line.cells if cell.small] == ["1.5 %"]
+
+
+def test_the_length_is_the_diameter_of_particles_or_the_size_that_a_case_states():
+    drift = lambda xp: lambda t, x: -x
+    floor = Affine(np.eye(1), np.zeros(1))
+    start = {"x0": np.ones(1), "t": np.linspace(0.0, 1.0, 3)}
+    without = nsbench.Case("point", nsbench.Complementarity(drift, (floor,)), **start)
+    stated = nsbench.Case(
+        "point", nsbench.Complementarity(drift, (floor,)), scale=Scale(1.0, 5.0), **start
+    )
+    assert describe_case(nsbench.get_case("discs", n=3))["own_length"] == 2.0
+    assert describe_case(stated)["own_length"] == 5.0
+    assert describe_case(without)["own_length"] is None
+
+
+@pytest.mark.parametrize("wrong", ["wide", 0.0, -1.0, [1.0]])
+def test_a_length_that_is_none_is_refused(tmp_path, wrong):
+    (tmp_path / "runs.csv").write_text("case,solver,status\nhex,pbd,ok\n")
+    (tmp_path / "cases.json").write_text(json.dumps({"hex": {"own_length": wrong}}))
+    with pytest.raises(ValueError, match="own_length of hex"):
+        write_report(tmp_path)
