@@ -10,7 +10,7 @@ import nsbench
 from nsbench.case.scale import Scale
 from nsbench.problem import Affine
 from nsbench.report import data, write_report
-from nsbench.report.tables import error_table
+from nsbench.report.tables import error_table, reliability_tables
 from nsbench.study.describe import describe_case
 
 
@@ -57,3 +57,40 @@ def test_a_length_that_is_none_is_refused(tmp_path, wrong):
     (tmp_path / "cases.json").write_text(json.dumps({"hex": {"own_length": wrong}}))
     with pytest.raises(ValueError, match="own_length of hex"):
         write_report(tmp_path)
+
+
+RUNS = "event_driven at 1e-13 against event_driven[method=rk45] at 1e-12"
+
+
+@pytest.mark.parametrize(
+    ("kind", "how", "said"),
+    [
+        ("certified", "Taylor series of order 40", "proven to lie within it."),
+        ("certified", "(0, 1) stay closed (shown to 1e-40, not proven)", "called not proven"),
+        ("stored", RUNS, "Two integrators agree to half the bound, which is no proof."),
+        ("stored", f"{RUNS}; pbd comes from 1e-2 to 3e-3 when", "a witness, another method"),
+        ("closed form", "a certificate differs by 1.1e-16", "within a certified bound."),
+        ("closed form", "", "counts roundings and is not proven"),
+        ("none", "the solution is not unique", "no error is known"),
+        ("unusable: of another version", "", "no error is known"),
+        ("exact", "", "not told"),
+    ],
+)
+def test_the_table_says_how_far_to_rely_on_a_reference(kind, how, said):
+    known = read(reference=kind, certificate={"how": how})
+    table = reliability_tables.references_table(known, {})
+    (line,) = table.rows
+    sentence = line.cells[table.columns.index("how far to rely on it")].text
+    assert said in sentence and sentence.endswith(".") and "{" not in sentence
+
+
+def test_every_stored_reference_of_the_bench_has_its_sentence():
+    """A phrase that is changed where references are made would lose its meaning here."""
+    for name, words in (
+        ("two_discs", "A closed form within"),
+        ("three_discs", "A certified bound"),
+        ("epithelium", "a witness, another method"),
+    ):
+        stored = describe_case(nsbench.get_case(name))
+        how = stored["certificate"]["how"]
+        assert words in reliability_tables.describe_reliance(stored["reference"], how)

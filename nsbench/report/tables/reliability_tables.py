@@ -22,6 +22,16 @@ ORIGIN_OF_REFERENCE = {
     "closed form": "a formula in the case's file, tested against its equation",
     "none": "no reference: residuals only",
 }
+# how far to rely on a reference, by its kind
+RELIANCE = {
+    "certified": "A certified bound: the true solution is proven to lie within it{exception}.",
+    "stored": "Two integrators agree to half the bound, which is no proof{witness}.",
+    "confirmed": "A closed form within a certified bound{exception}.",
+    "closed form": "A closed form, whose bound counts roundings and is not proven.",
+    "none": "Nothing to rely on: no error is known.",
+}
+WITNESS = "; a witness, another method, comes closer with smaller steps"
+UNPROVEN = ", but for what is called not proven beside it"
 
 
 def bounds_table(data: Data, summaries: dict[tuple[str, str], Summary]) -> Table:
@@ -128,6 +138,7 @@ def references_table(data: Data, summaries: dict[tuple, Summary]) -> Table:
             stored.get("certificate") if isinstance(stored.get("certificate"), dict) else {}
         )
         kind = sanitise(stored.get("reference") or "none", 200)
+        how = sanitise(certificate.get("how") or ORIGIN_OF_REFERENCE.get(kind, "not told"), 400)
         figures = [
             Cell("not unique", kind="quiet")
             if k == "impulse" and case in selected
@@ -140,21 +151,42 @@ def references_table(data: Data, summaries: dict[tuple, Summary]) -> Table:
                     Cell(case, kind="method"),
                     Cell(kind),
                     *figures,
-                    Cell(
-                        sanitise(
-                            certificate.get("how") or ORIGIN_OF_REFERENCE.get(kind, "not told"), 400
-                        )
-                    ),
+                    Cell(describe_reliance(kind, how)),
+                    Cell(how),
                 )
             )
         )
     return Table(
         "references",
-        ("case", "reference", "state", "impulse", "reaction", "event times", "how it was made"),
+        (
+            "case",
+            "reference",
+            "state",
+            "impulse",
+            "reaction",
+            "event times",
+            "how far to rely on it",
+            "how it was made",
+        ),
         tuple(rows),
         "Bounds of the reference's own error (largest absolute value). No error below ten times "
         "its bound is shown as a number. Certified: integrated once more in 30 digits with its "
         "inequalities proved along every arc.",
+    )
+
+
+def describe_reliance(kind: str, how: str) -> str:
+    """Say in one sentence how far a reference can be relied on: proof, agreement, or a formula.
+
+    kind: of the reference. how: the sentence that tells how it was made.
+    """
+    if kind == "closed form" and "a certificate differs by" in how:
+        kind = "confirmed"
+    if kind not in RELIANCE:
+        return RELIANCE["none"] if kind.startswith("unusable") else "Its origin is not told."
+    return RELIANCE[kind].format(
+        exception=UNPROVEN if "not proven" in how else "",
+        witness=WITNESS if " comes from " in how else "",
     )
 
 
