@@ -1,5 +1,6 @@
 """Players in a browser: frames move, two runs stand beside each other, the budget can be shared."""
 
+import io
 import json
 
 import pytest
@@ -240,3 +241,22 @@ def test_the_page_of_one_run_plays(open_page, tmp_path):
     scrub(page, 0.5, ".player")
     assert pixels(page, player=".player") != before and page.said == []
     assert page.locator(".player canvas.frame").count() == 1
+
+
+@pytest.mark.long
+def test_stored_figures_are_dark_on_a_dark_page_and_bright_on_paper(open_page):
+    """A corner of the figure, its white ground, against the ground of the page around it."""
+    page = open_page(color_scheme="dark")
+    scene = page.locator("img.scene").first
+    assert lightness(scene) < 0.15
+    page.emulate_media(color_scheme="light")
+    assert lightness(scene) > 0.95
+    page.emulate_media(color_scheme="dark", media="print")
+    assert scene.evaluate("figure => getComputedStyle(figure).filter") == "none"
+
+
+def lightness(figure):
+    """The lightness, 0 to 1, of the upper left corner of an element as it is seen."""
+    image = pytest.importorskip("PIL.Image", reason="Pillow is not installed")
+    seen = image.open(io.BytesIO(figure.screenshot())).convert("L")
+    return seen.getpixel((6, 6)) / 255
