@@ -4,6 +4,8 @@ import pytest
 from report_rows import CASES, ENV, SOLVERS, made
 
 from nsbench import write_report
+from nsbench.report.charts.layouts import MARKS
+from nsbench.report.style import assign_looks
 
 DRAWN = "#answer-chart[data-drawn=yes] canvas"
 BARS = {"bound_state": 0.012, "state_norm": 0.0098}  # of one method on one case
@@ -152,6 +154,31 @@ def test_a_click_on_the_legend_picks_a_method(page):
     page.wait_for_timeout(300)
     picked = page.evaluate(f"({signal})().signal('pick')")
     assert not before.get("method") and len(picked["method"]) == 1
+
+
+@pytest.mark.long
+def test_markers_of_the_legend_are_whole_whatever_the_options_of_a_method(page):
+    """A method with options has a dashed line, and its marker would be outlined by dashes."""
+    scroll_to(page, "explore-chart")
+    page.wait_for_selector("#explore-chart[data-drawn=yes]")
+    legend = page.evaluate(
+        """() => {
+            const view = nsbench.drawn.get(document.getElementById('explore-chart')).result.view;
+            const seen = {};
+            const visit = (item) => {
+                if (item.mark?.role === 'legend-symbol') {
+                    seen[item.datum.value] = [item.shape, item.strokeDash ?? null];
+                }
+                (item.items || []).forEach(visit);
+            };
+            visit(view.scenegraph().root);
+            return seen;
+        }"""
+    )
+    looks = assign_looks(Rows.solvers)
+    assert "pbd[order=reverse]" in legend and page.said == []
+    for name, (shape, dash) in legend.items():
+        assert shape == MARKS.get(looks[name].marker, shape) and dash in (None, [], [1, 0]), name
 
 
 @pytest.mark.long

@@ -48,7 +48,7 @@ def error_chart(methods: Methods, x_title: str, y_title: str) -> Spec:
     point = {"x": x, **_identity(methods), "tooltip": RUN_TIPS}
     failed = [*RUN_TIPS, {"field": "why"}]
     floor = {"type": "rect", "color": "#808080", "opacity": 0.12}
-    return _chart(
+    spec = _chart(
         [
             _layer("floor", floor, {"y": y, "y2": {"value": HEIGHT}}),
             {
@@ -61,7 +61,7 @@ def error_chart(methods: Methods, x_title: str, y_title: str) -> Spec:
                         "x": x,
                         "y": y,
                         "order": {"field": "h"},
-                        "strokeDash": _dashes(methods),
+                        "strokeDash": _unlisted(_dashes(methods)),
                         **line,
                     },
                 ),
@@ -84,6 +84,7 @@ def error_chart(methods: Methods, x_title: str, y_title: str) -> Spec:
             ),
         ]
     )
+    return _list_markers(spec)
 
 
 def without_bar_tips(layers: list[Spec]) -> list[Spec]:
@@ -272,7 +273,7 @@ def history_chart(methods: Methods, versions: list[str], title: str) -> Spec:
     x = {"field": "version", "type": "ordinal", "sort": versions, "title": None}
     y = {**_logarithmic("y", title), "axis": {"format": ".3~g", "tickCount": 5}}
     tips = [{"field": "method"}, {"field": "version"}, {"field": "y", "format": ".3~g"}]
-    return _chart(
+    spec = _chart(
         [
             {
                 "params": [PICK],
@@ -280,7 +281,7 @@ def history_chart(methods: Methods, versions: list[str], title: str) -> Spec:
                 "encoding": {
                     "x": x,
                     "y": y,
-                    "strokeDash": _dashes(methods),
+                    "strokeDash": _unlisted(_dashes(methods)),
                     "color": _colour(methods),
                     "opacity": _opacity(),
                 },
@@ -291,6 +292,7 @@ def history_chart(methods: Methods, versions: list[str], title: str) -> Spec:
             },
         ]
     )
+    return _list_markers(spec)
 
 
 def _chart(layers: list[Spec]) -> Spec:
@@ -351,6 +353,16 @@ def _colour(methods: Methods) -> Spec:
 def _dashes(methods: Methods) -> Spec:
     dashes = [[float(v) for v in DASHES[look.line].split()] or [1, 0] for _, look in methods]
     return _channel(methods, dashes)
+
+
+def _unlisted(channel: Spec) -> Spec:
+    """Leave dashes out of a legend of markers: their outlines would be dashed too."""
+    return {**channel, "legend": None}
+
+
+def _list_markers(spec: Spec) -> Spec:
+    """Keep the dashes, which are unlisted, apart from the legend of colours and markers."""
+    return {**spec, "resolve": {"legend": {"strokeDash": "independent"}}}
 
 
 def _shapes(methods: Methods) -> Spec:
