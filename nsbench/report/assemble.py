@@ -31,6 +31,7 @@ from nsbench.report.tables.environment_tables import (
     environment_table,
     glossary_table,
     repeat_lines,
+    version_of,
 )
 from nsbench.report.tables.equal_error_tables import (
     choice_table,
@@ -218,11 +219,10 @@ def assemble_content(data: Data, drawn: Figures) -> Content:
 
 def _where(env: dict) -> list[str]:
     """Version and machine, as far as the study stored them."""
-    versions = env.get("versions")
-    version = versions.get("nsbench") if isinstance(versions, dict) else None
+    version = version_of(env)
     cores = env.get("cores")
     return [
-        f"nsbench {sanitise(version, 20)}" if version else "",
+        f"nsbench {version}" if version else "",
         sanitise(env.get("machine") or "", 60),
         f"{sanitise(cores, 8)} cores" if cores else "",
     ]

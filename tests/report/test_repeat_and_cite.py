@@ -4,6 +4,7 @@ import pandas
 import pytest
 from report_rows import row
 
+from nsbench import write_report
 from nsbench.report.tables.environment_tables import citation, repeat_lines
 
 
@@ -32,3 +33,17 @@ def test_an_environment_that_holds_no_command_stops_no_report(argv):
 
 def test_a_study_without_an_environment_can_be_cited():
     assert "version = {VERSION}" in citation({}) and "2310.01215" in citation({})
+
+
+@pytest.mark.parametrize("versions", [{"nsbench": "0.2.0.dev123+g0123456789abcdef"}, {}, None, 3])
+def test_the_head_of_the_page_names_the_version_that_is_cited(tmp_path, versions):
+    class Study:
+        rows = [row("tide", "pbd", 0.1, state_sup=0.1)]
+        env = {"versions": versions}
+
+    page = write_report(Study, tmp_path / "r.html").read_text(encoding="utf-8")
+    lede = page.split('<p class="lede">')[1].split("</p>")[0]
+    known = versions == {"nsbench": "0.2.0.dev123+g0123456789abcdef"}
+    assert ("nsbench 0.2.0.dev123+g0123456789abcdef" in lede) == known
+    assert ("nsbench" in lede) == known and "VERSION" not in lede
+    assert ("version = {0.2.0.dev123+g0123456789abcdef}" in page) == known

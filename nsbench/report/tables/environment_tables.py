@@ -17,6 +17,8 @@ from nsbench.report.summary import (
 )
 from nsbench.report.tables.cells import Cell, Row, Table
 
+UNKNOWN_VERSION = "VERSION"  # where the version of nsbench is written that a study did not store
+
 
 def _plain(value) -> str:
     """A stored value as plain text."""
@@ -48,7 +50,7 @@ def repeat_lines(env: dict) -> str:
             argv[k + 1] = "results"
     folder = "results"
     return f"""\
-# nsbench {version_of(env)}, installed as its README says
+# nsbench {version_of(env) or UNKNOWN_VERSION}, installed as its README says
 nsbench {sanitise(shlex.join(argv))}
 nsbench report {folder}        # this page, from the rows in {folder}
 
@@ -68,7 +70,7 @@ def citation(env: dict) -> str:
 @software{{nsbench,
   author  = {{{{the nsbench developers}}}},
   title   = {{nsbench: a test bench for Filippov and complementarity systems of first order}},
-  version = {{{version_of(env)}}},
+  version = {{{version_of(env) or UNKNOWN_VERSION}}},
   note    = {{package {sanitise(env.get("package", "unknown"), 80)}}}
 }}
 @misc{{pbd,
@@ -81,10 +83,10 @@ def citation(env: dict) -> str:
 
 
 def version_of(env: dict) -> str:
-    """Return the version of nsbench that a study stored, or how that is written where it is not."""
+    """Return the version of nsbench that a study stored; "" where it has none."""
     versions = env.get("versions")
     known = versions.get("nsbench") if isinstance(versions, dict) else None
-    return sanitise(known or "VERSION", 40)
+    return sanitise(known or "", 40)
 
 
 GLOSSARY = {  # words of the report that are no columns; those are described in nsbench.columns
