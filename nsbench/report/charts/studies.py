@@ -178,7 +178,8 @@ def _points(runs: Runs, column: str, x: str) -> list[dict]:
     if x == "h" and runs.accuracy == "tol":
         some = np.where(good & (errors > 0), errors, np.inf)
         best = int(np.argmin(some))
-        level = {"method": runs.solver, "kind": "level", "status": "ok", "bar": bars[best] or "none"}
+        bar = bars[best] or "none"
+        level = {"method": runs.solver, "kind": "level", "status": "ok", "bar": bar}
         return [{**level, "y": float(some[best])}] if np.isfinite(some[best]) else []
     out = []
     for k in np.flatnonzero(runs.col[x] > 0):
