@@ -60,6 +60,7 @@ def ranking(page):
 def test_links_within_the_page_and_into_it_land_where_they_lead(open_page, file):
     """Sections far down have no height yet when a jump begins."""
     page = open_page()
+    page.wait_for_selector(DRAWN)
     cases = page.evaluate("nsbench.data.cases.map((one) => one.id)")
     for element in ("orders", "environment", cases[-1]):
         page.evaluate("id => document.querySelector(`a[href='#${id}']`).click()", element)
@@ -311,6 +312,29 @@ def test_a_phone_scrolls_one_way(open_page):
     page.set_viewport_size({"width": 390, "height": 844})
     page.wait_for_selector(DRAWN)
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
+
+
+@pytest.mark.long
+def test_the_legend_is_whole_on_a_phone(open_page):
+    page = open_page()
+    page.set_viewport_size({"width": 390, "height": 844})
+    page.reload()
+    page.wait_for_selector(DRAWN)
+    scroll_to(page, "explore-chart")
+    page.wait_for_selector("#explore-chart[data-drawn=yes]")
+    right = page.evaluate(
+        """() => {
+            const view = nsbench.drawn.get(document.getElementById('explore-chart')).result.view;
+            const seen = [];
+            const visit = (item) => {
+                if (item.mark?.role === 'legend') seen.push(item.x + item.bounds.width());
+                (item.items || []).forEach(visit);
+            };
+            visit(view.scenegraph().root);
+            return Math.max(...seen) + view.origin()[0];
+        }"""
+    )
+    assert 100 < right <= 390 - 2 * 16
 
 
 def test_paper_has_the_static_figures(page):

@@ -2,6 +2,7 @@
 // The data are JSON, compressed by gzip; every chart is a Vega-Lite layout with rows put in. Vega
 // interprets its expressions (ast: true), so that the page needs no eval.
 const nsbench = {
+  NARROW: 720, // pixels, as in the style sheet: below it legends have two columns
   data: null,
 
   // Decode the compressed data; resolves to nothing where the browser cannot.
@@ -110,6 +111,9 @@ const nsbench = {
         const shown = kept.filter(([name]) => used.has(name));
         const coloured = typeof shown[0]?.[1] === "string" && shown[0][1].startsWith("#");
         node.scale.domain = shown.map(([name]) => name);
+        if (node.legend) {
+          node.legend.columns = innerWidth < nsbench.NARROW ? 2 : 4;
+        }
         node.scale.range = shown.map(([name, value]) =>
           coloured ? style.getPropertyValue(`--m${tones[name]}`).trim() : value
         );
