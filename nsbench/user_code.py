@@ -1,4 +1,4 @@
-"""Call code of a user's file in the command itself; turn its exits and silences into messages.
+"""Call a user's code within a command; turn its exits and empty errors into messages.
 
 Such code can neither end the command silently (os._exit raises UserCodeExit) nor hold it up
 silently (after SECONDS_BEFORE_NOTICE a line says who is at work). Where it crashes in C, the

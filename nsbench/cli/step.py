@@ -1,4 +1,4 @@
-"""`nsbench step`: which step or tolerance of a method keeps an error, and what it costs."""
+"""`nsbench step`: which step or tolerance of a method meets an error asked for, and its cost."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Columns that the bench measures against a reference: errors, error bars, selections, floors.
+"""Columns measured against a reference: errors, error bars, which multipliers, rounding floors.
 
 Written by `nsbench.measure.errors`. Notation: x* and lambda* are the reference, t_i the sample
 times, D = t_{i+1} - t_i, I the cumulative impulse (integral of lambda dt) of each contact, matched

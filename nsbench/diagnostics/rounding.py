@@ -1,4 +1,4 @@
-"""Checks: rounding errors that add up to a part of the motion, and tolerances far from the origin.
+"""Checks: accumulated rounding, and relative tolerances that are large beside the motion.
 
 A step rounds each coordinate to half a spacing of numbers of its size, and the tolerance of a step
 control is relative to coordinates too. Far from the origin both are large beside the motion.

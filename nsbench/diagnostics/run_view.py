@@ -1,4 +1,4 @@
-"""A finished run for its checks: known states, resolution, and quantities derived from them.
+"""A finished run for its checks: known states, resolution in time, switches and violations there.
 
 The known states are the samples and, of Filippov systems, the states that the method stored between
 them (`Trajectory.between`). Between known states the path is taken as a polygon. Switches, their

@@ -1,4 +1,4 @@
-"""Core of the error bars: the error at every sample from residuals, growth and split bounds.
+"""Error bars at every sample: residuals of a comparison curve, and how the errors they cause grow.
 
 What a trajectory needs to have them, and its scaling, is error_bars.entry.
 

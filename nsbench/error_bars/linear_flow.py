@@ -1,4 +1,4 @@
-"""Linear flow of the known part of an error over an interval, and what its formulas leave out."""
+"""Carry an error vector through an interval by the linearised flow, and bound the remainder."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Small runs in a process of their own, to learn what such runs take.
+"""Small runs in a process of their own, to measure the seconds and memory that such runs take.
 
 The process (``python -m nsbench.execute.probe``) reads a list of specs from its standard input as
 JSON and writes a line for each run that has ended; it is killed when the time is up.

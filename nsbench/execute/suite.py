@@ -1,4 +1,4 @@
-"""Execute a planned study: run what is not known yet, and fill its folder of results.
+"""Execute a planned study: run what has no row yet, and write its folder of results.
 
 Rows whose key is known are reused, the other runs are made by workers of this machine or of a Dask
 cluster, each row is journalled as it comes; then the tables, the pictures and the report are

@@ -1,4 +1,4 @@
-"""Ratio of a baseline's tolerances to claimed errors: how much of one may change unnoticed.
+"""Ratio of a baseline's tolerances to claimed errors: how large an error may pass the gate.
 
 A line whose tolerance is many times the claim of its method holds nothing, however many numbers
 pass. Where a method claims no bound, what it showed, or the floor of that number, is its claim.

@@ -1,4 +1,4 @@
-"""Errors of the multipliers of single steps, at the method's own time in the step and at others.
+"""Errors of the multipliers of single steps, compared at the start, middle and end of a step.
 
 A step of length h that ends at a sample has one multiplier: its impulse divided by h
 (Trajectory.lam). It is compared with the exact multiplier at the start, the middle and the end of

@@ -1,4 +1,4 @@
-"""Distance of two descriptions of one solution; bounds of a closed form from a certificate."""
+"""Distance of two references of one solution; error bounds of a closed form from a certificate."""
 
 from __future__ import annotations
 

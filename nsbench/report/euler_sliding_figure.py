@@ -1,4 +1,4 @@
-"""Draw explicit and implicit Euler beside the exact solution of the talk's sliding example.
+"""Draw explicit and implicit Euler beside the exact solution of the `sliding` example.
 
 The runs are stored in extra.json. The figure is drawn with matplotlib's Figure (no pyplot).
 """

@@ -1,4 +1,4 @@
-"""Read the files of a results folder that need not be trusted: bounded lengths, checked forms.
+"""Read the files of a results folder as untrusted input: bounded lengths, checked forms.
 
 runs.parquet or runs.csv, the descriptions cases.json, solvers.json, env.json and extra.json, and
 figures/scene_*.svg and scene_*.json. Only regular files below the folder are read, up to a length;

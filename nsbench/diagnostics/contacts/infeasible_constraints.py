@@ -1,4 +1,4 @@
-"""Check: constraints that contradict each other, where a run violates them or between its samples.
+"""Check: constraints that contradict each other at a violated state or at one between samples.
 
 A projection returns a point even where no feasible one exists: contradicting walls are met
 half-way, and what is squeezed between them comes out on another side. Affine rows are checked by

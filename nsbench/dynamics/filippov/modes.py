@@ -1,4 +1,4 @@
-"""Modes of a Filippov system: the 2^d sign patterns of its surfaces, and a test for multilinearity.
+"""Modes of a Filippov system: 2^d sign patterns; is the field multilinear in the signs?
 
 A field F(t, x, s) is multilinear in the signs s if it is affine in each of them. Then F between
 the corners of the box [-1, 1]^d is the mean of its modes by product weights (Alexander & Seidman,

@@ -1,4 +1,4 @@
-"""Fit plain slopes of log err over log h, and hold all results of an order fit in one record.
+"""Least-squares slopes of log error over log h, and the record of all results of an order fit.
 
 Of all points, of the medians per octave and of the largest errors per octave, each by least squares
 with the t-based 95 % interval. They are reported beside the order, whatever its verdict.

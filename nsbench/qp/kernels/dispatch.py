@@ -1,4 +1,4 @@
-"""Choose the solver of a projection QP by the number of rows at work: exact, or large.
+"""Choose the solver of a projection QP by its active rows: few (active set) or many (sparse).
 
 Both are C callbacks, so that a time loop is compiled without them.
 

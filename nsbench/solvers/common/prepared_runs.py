@@ -1,4 +1,4 @@
-"""Prepared runs that are kept for the next call: of one case, method and accuracy.
+"""Keep prepared (traced and compiled) runs for the next call with equal case, method, accuracy.
 
 To prepare a run (compile, allocate, factorise) may take a hundred times as long as the run. A run
 that is in use is taken out, so that no two threads share its workspace; one that raised is not put

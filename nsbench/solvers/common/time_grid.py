@@ -1,4 +1,4 @@
-"""Grid of a fixed-step method over the sample times of a case, and what is read off it.
+"""Grid of a fixed-step method over the sample times of a case, and interpolation on that grid.
 
 A fixed-step method never passes the step h to its time loop. h becomes a number of equal steps for
 each interval between recorded times, and the loop computes each step anew:

@@ -1,4 +1,4 @@
-"""Checks of nosnoc: switches and pushes that are smaller than its absolute tolerances resolve.
+"""Checks of nosnoc: switch values and multipliers too small for its absolute tolerances.
 
 The tolerance of IPOPT and that of complementarity are absolute, and complementarity is left at a
 product that is not zero: weight x distance, or gap x multiplier. The checks take every step of the

@@ -1,4 +1,4 @@
-"""The study `budget`: steps and seconds at equal error, model error, references of one's own."""
+"""The study `budget`: seconds at equal error, model error, methods taken as their own reference."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Search for orders and gaps that make one sweep leave a large violation: lower bounds of C and C'.
+"""Search for orders and gaps that make one sweep leave a large violation: lower bounds.
 
 Simulated annealing over the order and the set of active contacts (see kernels.worst_case), for one
 target contact of each kind and several starts, then a check: the gaps and the order found are swept

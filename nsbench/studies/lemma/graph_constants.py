@@ -1,4 +1,4 @@
-"""The constants of one packing: exact value, best value found, proven bounds.
+"""The sweep constants of one packing: exact values, best values found, proven bounds.
 
 One entry of `graphs` in DIR/studies/lemma.json is what `measure_constants` returns.
 """

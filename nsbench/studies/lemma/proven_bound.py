@@ -1,4 +1,4 @@
-"""Proven bounds of C and C' for one packing, whatever the order and the gaps (docs/studies.md).
+"""Proven bounds of the sweep constants of one packing, whatever the order and the gaps.
 
 A sweep obeys c_k (g_k + q_k + c_k) = 0, q_k = sum_{l before k} a_kl c_l. Multiply by w_k^2, with
 w_l = exp(-mu dist(l, k0)) for the contact k0 in question; d = W c, D_kl = dist(k) - dist(l):

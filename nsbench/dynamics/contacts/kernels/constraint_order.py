@@ -1,4 +1,4 @@
-"""Order of the constraints in a sweep: a key for every constraint that depends on the scene alone.
+"""Order of the constraints in a sweep, by a key of each constraint that no step or run changes.
 
 The key is the same whichever list the constraint is in.
 

@@ -1,4 +1,4 @@
-"""Detect integrations that no longer move: steps that shrink towards a pole or a lock for ever."""
+"""Detect integrations that no longer move: at a pole, where contacts lock, or in a thin layer."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Factorise a set of active contacts, and evaluate gradients against its factor.
+"""Cholesky factor of the Gram matrix of the active contacts, and its use on single gradients.
 
 Active contacts have G x' = 0. The multipliers solve (G G^T) mu = rhs, so an arc needs the rows of
 G, the Cholesky factor of G G^T and room for the Taylor series of mu and of the unit normals.

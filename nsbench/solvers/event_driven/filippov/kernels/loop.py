@@ -1,4 +1,4 @@
-"""Compiled loop of a Filippov system from mode to mode: Taylor steps, events, certain choices.
+"""Compiled loop of a Filippov system from mode to mode: Taylor steps, events, proven choices.
 
 What is not certain goes back to the caller, with the state at that time: surfaces reached together,
 tangential arrivals that a trial does not settle, fields that are the same on both sides, motions

@@ -1,4 +1,4 @@
-"""Functions of numpy on traced arrays: each is one of nodes, entry by entry, or of arrays."""
+"""Functions of numpy on traced arrays: each works on single traced values, or on whole arrays."""
 
 from __future__ import annotations
 
