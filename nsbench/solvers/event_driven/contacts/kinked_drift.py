@@ -150,7 +150,6 @@ class KinkedDrift:
         """Enclose the drift and the watched functions of the present states over the pieces of t
         and x."""
         n = self.n
-        lo, _, hi = self.programs.first[0]
         rows = np.concatenate([self.rows, self.watched[self.watched >= 0]])
         pieces = t.mid.shape[-2]
         mid = np.zeros((len(rows), pieces, ORDER + 1))
@@ -163,7 +162,7 @@ class KinkedDrift:
             for row, jet in ((slice(0, n), x), (n, t)):
                 M[row, : ORDER + 1] = jet.mid[..., k, :]
                 R[row, : ORDER + 1] = jet.rad[..., k, :]
-            self.interval(self.programs.ops, self.programs.nums, lo, hi, n, M, R)
+            self.interval(self.programs.ops, self.programs.nums, self.programs.first[0], n, M, R)
             mid[:, k] = M[rows, : ORDER + 1]
             rad[:, k] = R[rows, : ORDER + 1]
         return Jet(mid, rad)
