@@ -40,6 +40,8 @@ class Shadow:
         self.drift = drift
         self._rows: dict[tuple, ContactRows] = {}
         self._static = ContactRows(scene, scene.all_static().ids)
+        # only these are looked at between the places where residuals are computed
+        self._has_flat = bool(self._static.m) or any(c.dim == 1 for _, c, _ in scene.hard)
         pairs = sum(m * (m - 1) // 2 for _, _, m in scene.hard)
         # few faces, all flat: then all are looked at wherever one may close
         self.is_flat = all(c.dim == 1 for _, c, _ in scene.hard)
@@ -138,7 +140,7 @@ class Shadow:
             residual[e] = rest
             if w == 0.5:
                 middle = P
-        for w in BETWEEN:
+        for w in BETWEEN if self._has_flat else ():
             P, _ = hermite(w, H[:, None], Y0, Y1, V0, V1)
             if rows.m and not (rows.is_straight and not rows.is_moving):
                 P = rows.closed(t + w * H, P)
