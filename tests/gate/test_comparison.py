@@ -77,6 +77,8 @@ def test_seconds_are_of_the_same_accuracy(versions, tmp_path):
     for values in common_seconds(read).values():
         assert values[0] / values[1] == pytest.approx(2.0)
         assert values[1] / values[2] == pytest.approx(2.0)
+        steps = sorted(read[0].asked["tide", "pbd"])
+        assert values[0] == read[0].asked["tide", "pbd"][steps[len(steps) // 2]]
     other = results(tmp_path / "other", solvers=("theta",))
     assert list(common_seconds(read_versions([versions[0], other]))) == [("tide", "theta")]
 

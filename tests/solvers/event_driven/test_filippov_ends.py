@@ -49,6 +49,7 @@ def test_accumulation_is_not_seen_in_slow_damping():
 
 UP = constant(1.0, 1.0)
 DOWN = constant(1.0, -1.0)
+DOWN_LEFT = constant(-1.0, -1.0)
 ENDS = {
     "repulsive start": (
         Filippov({(1,): UP, (-1,): DOWN}, second),
@@ -124,3 +125,18 @@ def test_budgets_of_events_and_steps():
     traj = run(case, max_events=3)
     assert traj.status.code == "chatter" and "max_events" in str(traj.status)
     assert run(case, max_steps=5).status.code == "maxiter"
+
+
+# parts of FLAT within which the fold is reached: a touch from below is known no better
+@pytest.mark.parametrize("ahead", [-3.0, -1.0, -0.3, 0.0, 0.1, 0.5, 0.9, 2.0, 10.0])
+@pytest.mark.parametrize("bend", [1e-2, 1.0, 30.0])
+def test_a_fold_is_left_in_one_way_from_whatever_place_rounding_reaches_it(ahead, bend):
+    """Sliding ends at x = 0, where the field below is tangential to y = 0; x' = -1 on both sides,
+    y' = bend x below: y = -bend (t - x(0))^2 / 2 from there on."""
+    start = ahead * 1e-7
+    below = drift(lambda xp, t, x: xp.array([-1.0, bend * x[0]]))
+    traj = run(filippov(Filippov({(1,): DOWN_LEFT, (-1,): below}, second), (start, 0.0), 1.0))
+    assert traj.status.ok
+    left = np.maximum(traj.t - max(start, 0.0), 0.0)
+    exact = -0.5 * bend * left**2 + min(start, 0.0) * bend * left
+    assert np.abs(traj.x[:, 1] - exact).max() <= 1e-10 * max(1.0, bend)

@@ -26,6 +26,7 @@ LOCATED = 1e-9  # of the own time: within it lies an event of a switch that is n
 BISECTIONS = 64  # of that interval: to neighbouring numbers
 FLAT = 1e-7  # relative size below which a first derivative decides nothing
 SAME_MOTION = 1e-12  # relative difference of trial states below which two motions are one
+OUTGROWN = 2.0  # times a start's value, which is known to FLAT, a trial tells which motion lasts
 NEAR_SURFACE = 1e3  # roundings of c_i within which a point counts as on the surface
 
 
@@ -71,6 +72,25 @@ def jump_time(
     return high, [i for i in rows if before[i] > band[i] and after[i] < -band[i]]
 
 
+@dataclass(frozen=True)
+class Continuation:
+    """A mode (d,) in which a motion continues, its signs (d,), trial states ahead (k, n), and
+    whether it goes on longer than what its start is known to."""
+
+    mode: np.ndarray
+    signs: np.ndarray
+    ahead: np.ndarray
+    lasts: bool
+
+
+def _is_one_motion(found: list[Continuation]) -> bool:
+    """Do all go the same way?"""
+    ahead = found[0].ahead
+    most = SAME_MOTION * (1.0 + np.nanmax(np.abs(ahead)))
+    # trials that lead where weights are lost are not numbers; the shorter ones decide then
+    return all(np.nanmax(np.abs(other.ahead - ahead)) <= most for other in found[1:])
+
+
 @dataclass
 class ModeSearch:
     """Choice of the mode of a motion. span: the case's own time; length: of the run."""
@@ -91,19 +111,17 @@ class ModeSearch:
         continuing = list(self._continuing(t, x, mode, met, size, known, s))
         if not continuing:
             return self._no_motion(t, met, known), None, None
-        mode, signs, ahead = continuing[0]
-        for _, _, other in continuing[1:]:
-            # trials that lead where weights are lost are not numbers; the shorter ones decide then
-            if not np.nanmax(np.abs(other - ahead)) <= SAME_MOTION * (
-                1.0 + np.nanmax(np.abs(ahead))
-            ):
-                several = Status(
-                    "degenerate",
-                    f"At t = {time_text(t)} several motions continue from {surface_names(met)}: "
-                    "the solution is not unique there.",
-                )
-                return several, None, None
-        return Status(), mode, signs
+        if not _is_one_motion(continuing):
+            # one that ends within what its start is known to goes on as another one of them
+            continuing = [c for c in continuing if c.lasts]
+        if not continuing or not _is_one_motion(continuing):
+            several = Status(
+                "degenerate",
+                f"At t = {time_text(t)} several motions continue from {surface_names(met)}: "
+                "the solution is not unique there.",
+            )
+            return several, None, None
+        return Status(), continuing[0].mode, continuing[0].signs
 
     def _largest_rates(self, t, x, mode, signs, met):
         """(d,) the largest |c_i'| off the surfaces met; are all fields there finite; signs of the
@@ -119,9 +137,7 @@ class ModeSearch:
             size = np.fmax(size, np.abs(self.field.along(t, x, 1.0, F)))
         return size, known, s
 
-    def _continuing(
-        self, t, x, mode, met, size, known, s
-    ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    def _continuing(self, t, x, mode, met, size, known, s) -> Iterator[Continuation]:
         """Modes and signs in which a motion continues, with its trial states."""
         modes_of = [
             (FREE, 1, -1) if known and self.field.fields_agree(t, x, s, i) else (0, 1, -1)
@@ -133,9 +149,9 @@ class ModeSearch:
             for signs in self.field.sliding_solutions(
                 t, self._projected(t, x, candidate), candidate
             ):
-                ahead = self._trial_states(t, x, candidate, signs, met, size)
-                if ahead is not None:
-                    yield candidate, signs, ahead
+                found = self._trial_states(t, x, candidate, signs, met, size)
+                if found is not None:
+                    yield Continuation(candidate, signs, *found)
 
     @staticmethod
     def _no_motion(t, met, known) -> Status:
@@ -153,8 +169,8 @@ class ModeSearch:
         return self.field.project(t, x, on) if on.size else x
 
     def _trial_states(self, t, x, mode, s, met, size):
-        """Trial states if the mode with signs s has a motion from (t, x), else None; size (d,):
-        largest |c_i'| off the surfaces."""
+        """Trial states if the mode with signs s has a motion from (t, x), and whether it lasts; None
+        if it has none. size (d,): largest |c_i'| off the surfaces."""
         field = self.field
         x = self._projected(t, x, mode)
         F, s = field.velocity(t, x, mode, s)
@@ -171,29 +187,35 @@ class ModeSearch:
         if np.any(value[met] < -FLAT):
             return None
         undecided = [i for i in met if value[i] <= FLAT]
-        signs = np.zeros(len(undecided))
+        first = np.zeros(len(undecided))  # signs that trials show first
+        later = np.zeros(len(undecided))  # and where they outgrow what is known at the start
         ahead = []
         for h in self._trial_lengths():
             after, state, weights = self._trial(mode, t, x, s, h)
             if len(ahead) < TRIALS.size:
                 ahead.append(state)
-            elif np.all(signs != 0.0) or not np.all(np.isfinite(state)):
+            elif np.all(first != 0.0) or not np.all(np.isfinite(state)):
                 break
             c = field.switch(after, state)
             band = rounding_band(field, after, state)
             for k, i in enumerate(undecided):
+                start = 0.0
                 if mode[i] == FREE:
                     v = self._stays_free(mode, t, x, s, h, i, after, state, weights, c, band)
                     least = 0.0
                 elif mode[i] == 0:
                     v = 1.0 - abs(weights[i])
                     least = 1e-2 * FLAT
+                    start = abs(value[i])
                 else:
                     v = mode[i] * c[i]
                     least = band[i] / 10
-                if signs[k] == 0.0 and abs(v) > least:
-                    signs[k] = np.sign(v)
-        return None if np.any(signs < 0.0) else np.array(ahead)
+                    start = abs(value[i]) * size[i] * h
+                if first[k] == 0.0 and abs(v) > least:
+                    first[k] = np.sign(v)
+                if later[k] == 0.0 and abs(v) > max(least, OUTGROWN * start):
+                    later[k] = np.sign(v)
+        return None if np.any(first < 0.0) else (np.array(ahead), not np.any(later < 0.0))
 
     def _trial_lengths(self) -> Iterator[float]:
         """Lengths of trial motions: TRIALS of the own time, then longer ones."""
