@@ -169,7 +169,7 @@ class ModeSearch:
         return self.field.project(t, x, on) if on.size else x
 
     def _trial_states(self, t, x, mode, s, met, size):
-        """Trial states if the mode with signs s has a motion from (t, x), and whether it lasts; None
+        """Trial states if the mode with signs s has a motion from (t, x), and does it last? None
         if it has none. size (d,): largest |c_i'| off the surfaces."""
         field = self.field
         x = self._projected(t, x, mode)
