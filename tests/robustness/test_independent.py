@@ -2,7 +2,7 @@
 event missed or invented.
 
 The truths are by the extrapolated midpoint rule at 45 digits, written without using the bench
-(tests/independent). This is a quick part of them; tests/studies/independent.py runs all.
+(tests/independent). tests/studies/independent.py prints the errors.
 """
 
 import sys
@@ -18,26 +18,9 @@ sys.path.append(str(Path(__file__).parents[1] / "independent"))
 
 import truths
 
-SYSTEMS = {
-    "walls": ("jump_forcing", "wall_rotating", "tiny", "lam_zero", "touch_tangent"),
-    "narrow": (
-        "wall_bump",
-        "spike_2d",
-        "spike_5e3",
-        "dip_1e6",
-        "near_miss",
-        "narrow_dip",
-        "fil_spike",
-    ),
-    "distances": ("out_disc", "three_symm", "rods_1d", "rope_towed"),
-    "corners": ("dup_rows", "simul_1e9", "start_out"),
-    "switches": ("surf_exits", "codim2_leave", "dry_friction", "belt", "modes4"),
-    "circuits": ("parallel_diodes", "two_diodes_d0", "mixed_degree", "relay_lcs"),
-}
-
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", [name for group in SYSTEMS.values() for name in group])
+@pytest.mark.parametrize("name", truths.names())
 def test_a_second_derivation_agrees(name):
     traj = nsbench.solve(truths.case(name), "event_driven")
     errors = truths.compare(traj, truths.truth(name))
