@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 
 import numpy as np
+from scipy.linalg.lapack import dpotrf, dpotrs
 
-from nsbench.dynamics.contacts.candidates import PAIR
+from nsbench.dynamics.contacts.candidates import PAIR, CandidateContacts
 from nsbench.dynamics.contacts.constraint_set import ConstraintSet, near_of
 
 # Relative to the diagonal of the Gram matrix of unit normals: contacts that are dependent up to
@@ -19,13 +21,16 @@ TIME_STEP = 2.0**-20  # of own time, for the rate at which a moving constraint m
 class ContactRows:
     """The m contacts `ids` of a scene at K states: times t (K,), states X (K, n).
 
+    near: the same contacts as candidates, where they are known.
     Gradients are scaled to length one with their gaps, so that a gap is a distance to first order.
     """
 
-    def __init__(self, scene: ConstraintSet, ids: Sequence[tuple]):
+    def __init__(
+        self, scene: ConstraintSet, ids: Sequence[tuple], near: CandidateContacts | None = None
+    ):
         self.scene = scene
         self.ids = tuple(ids)
-        self.near = near_of(scene, ids)
+        self.near = near_of(scene, ids) if near is None else near
         self.layout = scene.layout(self.near)
         self.m = len(self.ids)
         rows = self.layout.rows
@@ -34,6 +39,7 @@ class ContactRows:
             at = slice(scene.ptr[p], scene.ptr[p + 1])
             np.add.at(self._rows[e], scene.cols[at], scene.vals[at])
         self._sizes = np.linalg.norm(self._rows, axis=1)
+        self._unit_rows = self._rows / self._sizes[:, None]
         self.is_straight = len(rows) == self.m
         self.is_moving = scene.moving
 
@@ -73,6 +79,8 @@ class ContactRows:
 
     def gradients(self, t: np.ndarray, X: np.ndarray) -> np.ndarray:
         """Return (K, m, n) the gradients, scaled to length one."""
+        if self.is_straight:
+            return np.broadcast_to(self._unit_rows, (len(t), *self._unit_rows.shape))
         N = np.zeros((len(t), self.m, X.shape[1]))
         for sel, (i, j), diff in self._differences(t, X):
             dist = np.sqrt((diff * diff).sum(-1, keepdims=True))
@@ -83,7 +91,7 @@ class ContactRows:
                 N[:, sel[:, None], j] = -unit
             N[:, sel[:, None], i] = unit
         if self.layout.rows.size:
-            N[:, self.layout.rows] = self._rows / self._sizes[:, None]
+            N[:, self.layout.rows] = self._unit_rows
         for fam, sel in self._smooth():
             for k, (s, x) in enumerate(zip(t, X, strict=True)):
                 rows = fam.gradient(float(s), x)[self.near.p[sel]]
@@ -120,6 +128,12 @@ class ContactRows:
         return X
 
 
+def size(v: np.ndarray) -> float:
+    """Return the 2-norm of an array: of a short one, in a quarter of the time numpy takes."""
+    flat = v.ravel()
+    return math.sqrt(flat @ flat)
+
+
 def times(N: np.ndarray, d: np.ndarray) -> np.ndarray:
     """Return (K, m) the products N d of N (K, m, n) and d (K, n)."""
     return (N @ d[..., None])[..., 0]
@@ -133,17 +147,37 @@ def normal_part(N: np.ndarray, g: np.ndarray, is_refined: bool = True) -> np.nda
     """
     if not g.any():
         return np.zeros((len(g), N.shape[2]))
-    q, A = multipliers(N, g)
+    return _back(N, multipliers(N, g, is_refined))
+
+
+def multipliers(N: np.ndarray, g: np.ndarray, is_refined: bool = False) -> np.ndarray:
+    """Return (K, m) q with N N^T q = g, for N (K, m, n) with damped Gram matrices and g (K, m).
+
+    is_refined: with a step of iterative refinement against the matrices without damping.
+    """
+    solve = _gram_solver(N)
+    q = solve(g)
     if is_refined:
-        q += np.linalg.solve(A, (g - times(N, _back(N, q)))[..., None])[..., 0]
-    return _back(N, q)
+        q = q + solve(g - times(N, _back(N, q)))
+    return q
 
 
-def multipliers(N: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (K, m) q with N N^T q = g, and the damped Gram matrices (K, m, m)."""
+def _gram_solver(N: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+    """Return the function that solves the damped Gram systems of N (K, m, n) for (K, m)."""
+    K, m, _ = N.shape
+    if m == 1:
+        diagonal = (N * N).sum(axis=2) + DAMPING
+        return lambda g: g / diagonal
+    diagonal = np.arange(m)
+    if K == 1 and m:  # of most calls: one Cholesky factor, without what a stack of matrices costs
+        A = N[0] @ N[0].T
+        A[diagonal, diagonal] += DAMPING
+        factor, failed = dpotrf(A, lower=1)
+        if not failed:
+            return lambda g: dpotrs(factor, g[0], lower=1)[0][None]
     A = N @ N.transpose(0, 2, 1)
-    A[:, np.arange(A.shape[1]), np.arange(A.shape[1])] += DAMPING
-    return np.linalg.solve(A, g[..., None])[..., 0], A
+    A[:, diagonal, diagonal] += DAMPING
+    return lambda g: np.linalg.solve(A, g[..., None])[..., 0]
 
 
 def _back(N, q):
@@ -156,7 +190,7 @@ def off_cone(N: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     The rest is what an inclusion x' in f + N^T q lacks. Where the unconstrained q is positive it is
     taken, else nonnegative least squares.
     """
-    q, _ = multipliers(N, times(N, d))
+    q = multipliers(N, times(N, d))
     for k in np.flatnonzero((q < 0.0).any(axis=1)):
         from scipy.optimize import nnls
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +16,9 @@ from nsbench.dynamics.scaling.estimate import particle_distance
 from nsbench.dynamics.scaling.scaled_case import ScaledCase, scaled_case
 from nsbench.problem import Affine, Complementarity, Distance
 from nsbench.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from threadpoolctl import ThreadpoolController
 
 FINISHED = ("ok", "unverified", "degenerate", "below_reference")
 FAR = 0.1  # of the distance of particles: an error this large is none that a linearisation knows
@@ -91,16 +96,24 @@ def _computed(case: Case, traj: Trajectory) -> Bars:
     why = _refusal(case, traj)
     if why:
         return Bars.none(traj.t, why)
-    from threadpoolctl import threadpool_limits
-
     own = scaled_case(case)
     try:
         # matrices are small: threads of BLAS would cost ten times what they compute
-        with np.errstate(all="ignore"), own.in_user_units(), threadpool_limits(1, "blas"):
+        one_thread = _thread_pools().limit(limits=1, user_api="blas")
+        with np.errstate(all="ignore"), own.in_user_units(), one_thread:
             found = _in_own_units(own.case, own.scaled(traj))
     except Exception as e:  # a drift may raise anything at a state near those of the run
         return Bars.none(traj.t, f"They could not be computed: {type(e).__name__}: {e}")
     return restored_bars(found, traj.t, own)
+
+
+@functools.cache
+def _thread_pools() -> ThreadpoolController:
+    """Return the thread pools of this process: to look for them takes milliseconds."""
+    import scipy.linalg  # noqa: F401  (its pool is looked for as well)
+    from threadpoolctl import ThreadpoolController
+
+    return ThreadpoolController()
 
 
 def restored_bars(found: Bars, t: np.ndarray, own: ScaledCase) -> Bars:

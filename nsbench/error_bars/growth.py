@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nsbench.error_bars.contact_rows import ContactRows, normal_part
+from nsbench.error_bars.contact_rows import ContactRows, normal_part, size
 
 NUDGE = 2.0**-20  # of own length, for differences of drifts and normals
 LOOKS = 5  # states of a run at which the derivative of the drift is taken
@@ -72,19 +72,19 @@ def pushed(drift: Callable, rows: ContactRows, t: float, x: np.ndarray, q: np.nd
     the contacts take off it along their normals: the curvature of contacts under load drives
     neighbouring motions apart.
     """
-    size = float(np.linalg.norm(delta))
-    step = NUDGE / size * delta
+    length = size(delta)
+    step = NUDGE / length * delta
     both = np.array([x + step, x - step])
     slope = np.asarray(drift(t, both[0]), float) - drift(t, both[1])
     if rows.m and not rows.is_straight:
         up, down = rows.gradients(np.array([t, t]), both)
         slope = slope + (up - down).T @ q
-    return slope * (0.5 * size / NUDGE)
+    return slope * (0.5 * length / NUDGE)
 
 
 def grown(H: float, rate: np.ndarray, delta: np.ndarray) -> np.ndarray:
     """Return the error delta (n,) after a time H at this rate; where that would be too long a step
     for Euler's rule, by the exponential of the rate along delta."""
-    if np.linalg.norm(rate) * H <= np.linalg.norm(delta):
+    if size(rate) * H <= size(delta):
         return delta + H * rate
     return delta * np.exp(H * float(delta @ rate) / float(delta @ delta))

@@ -22,6 +22,7 @@ from nsbench.error_bars.contact_rows import (
     multipliers,
     normal_part,
     off_cone,
+    size,
     times,
 )
 from nsbench.error_bars.shadow import (
@@ -39,6 +40,7 @@ from nsbench.error_bars.shadow import (
     boole,
     doubt,
     hermite,
+    upper_mean,
 )
 
 PIECES = (1, 4)  # of an interval, beside those that events make
@@ -74,7 +76,7 @@ def local_solution(
     """
     for pieces in PIECES:
         found = _in_pieces(shadow, t, H, y, pieces, most)
-        error = float(np.linalg.norm(target - found.state))
+        error = size(target - found.state)
         if not found.is_complete or found.residual <= SMALL * error + CLOSED:
             break
     return found
@@ -133,7 +135,7 @@ class _Piece:
         self.pushing: np.ndarray | None = None  # contacts with positive multipliers
         f = self._field(0.0, y)
         for _ in range(REPAIRS):
-            self.closed, self.open = self._contacts(dt, np.linalg.norm(f))
+            self.closed, self.open = self._contacts(dt, size(f))
             # what is closed up to CLOSED is closed up to rounding; the jump counts as residual
             if not self.closed.m or not self.closed.is_straight:
                 break
@@ -141,7 +143,7 @@ class _Piece:
             self.y = self.closed.closed(np.array([t]), before[None])[0]
             if np.abs(self.y - before).max() <= CLOSED / 8.0:
                 break
-        self.jump = float(np.linalg.norm(self.y - y))
+        self.jump = size(self.y - y)
         self.v, q = self._velocity(0.0, self.y, f)
         self._take_step()
         if self._stop_at_release(q):
@@ -181,8 +183,10 @@ class _Piece:
             reach = 4.0 * dt * speed + CLOSED
             near = scene.near(self.y, reach, self.t)
             g = scene.gaps(self.t, self.y, near)
-            ids = near.ids
-            open_ = (g > CLOSED) & ((g <= reach) | scene.moving)
+            open_ = np.flatnonzero((g > CLOSED) & ((g <= reach) | scene.moving))
+            closed = near.take(np.flatnonzero(g <= CLOSED)).ids
+            may = near.take(open_)
+            return self.shadow.rows(closed), ContactRows(scene, may.ids, may)
         closed = [ids[k] for k in np.flatnonzero(g <= CLOSED)]
         may = [ids[k] for k in np.flatnonzero(open_)]
         return self.shadow.rows(closed), self.shadow.rows(may)
@@ -194,9 +198,12 @@ class _Piece:
             return f, np.empty(0)
         at = np.array([self.t + s])
         N = rows.gradients(at, x[None])
+        if not rows.is_moving:
+            rest, q = self._off_cone(N, -f[None])
+            return -rest[0], q[0]
         rates = rows.rates(at, x[None])
         base = -normal_part(N, rates)
-        if np.abs(times(N, base) + rates).max() > PULL * max(1.0, np.linalg.norm(f)):
+        if np.abs(times(N, base) + rates).max() > PULL * max(1.0, size(f)):
             return least_change(N[0], -rates[0], f)  # walls that move apart: no v keeps all closed
         rest, q = self._off_cone(N, -(f - base))
         return base[0] - rest[0], q[0]
@@ -206,9 +213,9 @@ class _Piece:
         if self.pushing is not None:
             some = N[:, self.pushing]
             q = np.zeros(N.shape[:2])
-            q[:, self.pushing] = multipliers(some, times(some, d))[0]
+            q[:, self.pushing] = multipliers(some, times(some, d))
             rest = d - (q[:, None] @ N)[:, 0]
-            opens = times(N, rest).max() <= 10.0 * DAMPING * np.linalg.norm(d)
+            opens = times(N, rest).max() <= 10.0 * DAMPING * size(d)
             if opens and q.min() >= 0.0:
                 return rest, q
         rest, q = off_cone(N, d)
@@ -253,7 +260,7 @@ class _Piece:
             X = self._curve(s)[0]
             N = rows.gradients(self.t + s, X)
             pull = times(N, self.shadow.fields(self.t + s, X)) + rows.rates(self.t + s, X)
-            return multipliers(N, -pull)[0].min(axis=1)
+            return multipliers(N, -pull).min(axis=1)
 
         first, last = least_load(np.array([0.0, self.length]))
         if not (first >= 0.0 and last < 0.0):
@@ -312,6 +319,6 @@ class _Piece:
             loads=loads,
             closed=frozenset(self.closed.ids),
             residual=np.empty((0, len(self.y))),
-            slack=self.jump + unseen + self.length * (boole(sizes) + doubt(sizes[:, None])),
+            slack=self.jump + unseen + self.length * upper_mean(sizes),
         )
         return stretch, self.length * boole(F), self.length * doubt(F) + unseen

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench.dynamics.contacts.constraint_set import ConstraintSet
-from nsbench.error_bars.contact_rows import ContactRows, normal_part, off_cone, times
+from nsbench.error_bars.contact_rows import ContactRows, normal_part, off_cone, size, times
 
 CLOSED = 1e-12  # of own length: a gap that is zero up to rounding
 OUTSIDE = 1e3 * CLOSED  # a state that violates no constraint by more counts as one of S
@@ -26,6 +26,8 @@ HIDDEN = (0.137, 0.571)  # where a drift that oscillates from quarter to quarter
 HIDDEN_WEIGHTS = [
     [np.prod([(w - b) / (a - b) for b in PLACES if b != a]) for a in PLACES] for w in HIDDEN
 ]
+BOOLE = np.array([7.0, 32.0, 12.0, 32.0, 7.0]) / 90.0
+BEYOND_SIMPSON = BOOLE - np.array([1.0, 0.0, 4.0, 0.0, 1.0]) / 6.0
 BETWEEN = (0.125, 0.375, 0.625, 0.875)  # where it must be in S as well
 
 
@@ -201,8 +203,7 @@ class Arcs:
         """Return (K,) upper estimates of the integrals of |rho|: Boole's rule, and how far it is
         from Simpson's."""
         sizes = np.linalg.norm(self.residual, axis=2)
-        simpson = (sizes[0] + 4.0 * sizes[2] + sizes[4]) / 6.0
-        return H * (boole(sizes) + np.abs(boole(sizes) - simpson)) + self.unseen
+        return H * (boole(sizes) + np.abs(BEYOND_SIMPSON @ sizes)) + self.unseen
 
     def vectors(self, H: np.ndarray) -> np.ndarray:
         """Return (K, n) the integrals of rho by Boole's rule."""
@@ -214,8 +215,8 @@ class Arcs:
 
     def doubts(self, H: np.ndarray) -> np.ndarray:
         """Return (K,) how far the integrals of the drift are from those by Simpson's rule."""
-        simpson = (self.field[0] + 4.0 * self.field[2] + self.field[4]) / 6.0
-        return H * np.linalg.norm(boole(self.field) - simpson, axis=1) + self.unseen
+        off = np.tensordot(BEYOND_SIMPSON, self.field, axes=1)
+        return H * np.linalg.norm(off, axis=1) + self.unseen
 
 
 def hermite(w, H, Y0, Y1, V0, V1):
@@ -232,16 +233,17 @@ def hermite(w, H, Y0, Y1, V0, V1):
 
 def boole(values: np.ndarray) -> np.ndarray:
     """Return the mean over an interval of a function, from its values at the quarters (5, ...)."""
-    first, second, middle, third, last = values
-    return (7.0 * (first + last) + 32.0 * (second + third) + 12.0 * middle) / 90.0
+    return (BOOLE @ values.reshape(5, -1)).reshape(values.shape[1:])
 
 
 def doubt(values: np.ndarray) -> float:
     """Return how far Boole's rule is from Simpson's, for values (5, n) or (0, n) of a mean."""
-    if not len(values):
-        return 0.0
-    simpson = (values[0] + 4.0 * values[2] + values[4]) / 6.0
-    return float(np.linalg.norm(boole(values) - simpson))
+    return size(BEYOND_SIMPSON @ values) if len(values) else 0.0
+
+
+def upper_mean(sizes: np.ndarray) -> float:
+    """Return an upper estimate of the mean of a size from its values (5,) at the quarters."""
+    return float(BOOLE @ sizes) + abs(float(BEYOND_SIMPSON @ sizes))
 
 
 def bezier(Y0, Y1, D0, D1) -> np.ndarray:

@@ -22,20 +22,22 @@ from the radius, and Y - X is the new vector.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from nsbench.error_bars.contact_rows import ContactRows
+from nsbench.error_bars.contact_rows import ContactRows, size
 from nsbench.error_bars.growth import Linear
 from nsbench.error_bars.linear_flow import Flow, residual_size
 from nsbench.error_bars.local_solution import local_solution
-from nsbench.error_bars.shadow import Stretch
+from nsbench.error_bars.shadow import OUTSIDE, Stretch
 
 RANK = 1e-9  # relative singular value below which rows count as dependent
 # of the error: a second solution is worth it where more than UNKNOWN of it has no known direction,
-# and WIDENED of that is new
+# and WIDENED of it is new
 UNKNOWN = 0.02
 WIDENED = 1e-3
+LEAST = OUTSIDE  # of own length: not even the states of S are known any better
 
 
 class Part:
@@ -81,6 +83,7 @@ class Split:
         self.tangent = self.parts[0].projection
         self.sizes: np.ndarray | None = None  # (parts, m) of all unit gradients in the parts
         self.along = self.tangent @ drift.J @ self.tangent
+        self.speed = float(np.linalg.norm(self.along))
 
 
 def _coupled(N: np.ndarray) -> list[np.ndarray]:
@@ -117,15 +120,15 @@ class Known:
     split: Split
     radii: np.ndarray
 
-    @property
+    @cached_property
     def radius(self) -> float:
         """Largest size of z."""
-        return float(np.linalg.norm(self.radii))
+        return size(self.radii)
 
-    @property
+    @cached_property
     def size(self) -> float:
         """Largest size of the error."""
-        return float(np.linalg.norm(self.delta)) + self.radius
+        return size(self.delta) + self.radius
 
     def radii_in(self, other: Split) -> np.ndarray:
         """Return the largest sizes of z in the parts of another split."""
@@ -211,7 +214,7 @@ class SplitBound:
             new = replace(new, delta=new.delta + self.path.push[j])
         grown = max(1.0, np.exp(self.drift.one_sided * self.path.H[j]))
         widened = new.radius - grown * known.radius
-        if new.radius > UNKNOWN * new.size and widened > WIDENED * new.size:
+        if new.radius > max(UNKNOWN * new.size, LEAST) and widened > WIDENED * new.size:
             second = self._by_second_solution(j, known)
             if second is not None and second[0].radius < new.radius:
                 return second
@@ -236,7 +239,7 @@ class SplitBound:
         if not found.is_complete:
             return None
         factor = np.exp(self.drift.one_sided * H)
-        apart = known.radius + float(np.linalg.norm(start - near))
+        apart = known.radius + size(start - near)
         radius = factor * apart + max(1.0, factor) * found.residual
         most = max(1.0, factor) * (apart + found.residual)
         new = Known(path.Y[j + 1] - found.state, self.split(()), np.array([radius]))
@@ -303,16 +306,16 @@ class _Step:
         self.split = s
         self.two_sided = bound.rows.near.sign < 0
         self.peaks = np.zeros(len(radii))
-        self.flow = Flow(s.tangent, s.along, known.delta, at.residual, H)
+        self.flow = Flow(s.tangent, s.along, s.speed, known.delta, at.residual, H)
         pulls = bound.pulls(at, s)
         # the groups first: what they hold flows into the tangential part, which comes last
         for k in reversed(range(len(s.parts))):
             part = s.parts[k]
             first = radii[k]
-            rest = float(np.linalg.norm(self.peaks))
+            rest = size(self.peaks)
             added = at.slack + self.flow.error
             if k > 0:
-                first += float(np.linalg.norm(part.projection @ known.delta))
+                first += size(part.projection @ known.delta)
                 rest = most
                 added = at.slack + residual_size(at.residual @ part.projection, H)
             inflow = part.inflow * rest + drift.change * most
@@ -322,7 +325,7 @@ class _Step:
             if part.is_empty:
                 radii[k] = 0.0
         self.end = Known(self.flow.end, s, radii)
-        self.unknown = drift.two_sided * (float(np.linalg.norm(self.peaks)) * H + self.flow.lack)
+        self.unknown = drift.two_sided * (size(self.peaks) * H + self.flow.lack)
         self.unknown += H * drift.change * most
 
     def reaches(self, N: np.ndarray) -> np.ndarray:

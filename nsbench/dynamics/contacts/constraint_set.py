@@ -223,6 +223,11 @@ class ConstraintSet:
         """Return the listed constraints and their layout."""
         return (near := self.all_static()), self.layout(near)
 
+    @functools.cached_property
+    def _static_places(self) -> dict[tuple, int]:
+        """Return the places of the listed constraints by id."""
+        return {c: k for k, c in enumerate(self._static[0].ids)}
+
     def layout(self, near: CandidateContacts) -> ContactLayout:
         """Return the positions of the entries of `near` by kind.
 
@@ -354,8 +359,8 @@ class ConstraintSet:
 
 def near_of(scene: ConstraintSet, contacts: Sequence[tuple]) -> CandidateContacts:
     """Build the candidates with the given ids, in their order."""
-    static = scene.all_static()
-    at = {c: k for k, c in enumerate(static.ids)}
+    static, _ = scene._static
+    at = scene._static_places
     hard = {k: (c, scene.radii[k]) for k, c, _ in scene.hard}
     rows = []
     for c in contacts:
