@@ -2,6 +2,7 @@
 
 decorators          the numba decorators of all kernels; importing them configures numba's cache
 numba_cache         where kernels are stored, and which edits compile them again
+garbage_collection  none while numba compiles
 kernel_store        files of one kernel with checksums: damaged ones are compiled again
 compile_lock        one process compiles a kernel, the others wait and load it
 factories           a factory as a numpy function, as a numba function pointer, as a JAX function

@@ -23,7 +23,7 @@ import re
 import stat
 from pathlib import Path
 
-from nsbench.compilation import disk_cache, kernel_store
+from nsbench.compilation import disk_cache, garbage_collection, kernel_store
 from nsbench.source_files import file_state
 from nsbench.source_files.locations import ROOT, is_in_package
 
@@ -130,3 +130,4 @@ def install_cache_stamps() -> None:
 store_privately()
 install_cache_stamps()
 kernel_store.install()
+garbage_collection.pause_while_compiling()
