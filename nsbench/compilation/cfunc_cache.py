@@ -77,7 +77,9 @@ def name_of(signature: Signature, what: str, function: Callable) -> str | None:
     settings = (
         f"{k}={v!r}"
         for k, v in sorted(vars(config).items())
-        if k.isupper() and isinstance(v, (int, str, float)) and k not in HARMLESS_SETTINGS
+        if k.isupper()
+        and isinstance(v, (int, str, float))
+        and k.removeprefix("NUMBA_") not in HARMLESS_SETTINGS
     )
     return disk_cache.digest(
         "pointer",

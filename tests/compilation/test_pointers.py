@@ -236,3 +236,16 @@ def test_a_drift_that_raises_leaves_no_number_wherever_it_is_from(home, fault):
         kind, out = value(drift)
         assert np.all(np.isnan(out))
     assert kind == ("CFunc" if fault == "told" else "Pointer")
+
+
+def test_threads_do_not_change_the_name(monkeypatch):
+    """A process bound to fewer processors finds what another one has compiled."""
+    from numba import config, float64
+
+    function = turning(0.5)(np)
+    name = cfunc_cache.name_of(float64(float64), "threads", function)
+    for setting in ("NUMBA_NUM_THREADS", "NUMBA_DEFAULT_NUM_THREADS"):
+        monkeypatch.setattr(config, setting, getattr(config, setting) + 1)
+        assert cfunc_cache.name_of(float64(float64), "threads", function) == name
+    monkeypatch.setattr(config, "OPT", 1)
+    assert cfunc_cache.name_of(float64(float64), "threads", function) != name
