@@ -43,6 +43,7 @@ LINEARISED = 1.25
 # of the vectors whose sum is an error: they may cancel by more than they are right
 CANCELLED = 0.05
 ACTS = 1e-12  # of the largest impulse of an interval: less of one is rounding of a QP
+DEPENDENT = 1e-12  # singular value of unit gradients below which it is one of rounding
 ENTRIES = 2_000_000  # of gradients that are evaluated at once
 
 
@@ -232,7 +233,8 @@ class Path:
 
     def least_singular_values(self) -> np.ndarray:
         """Return (K,) the least singular values of the unit gradients of the contacts that acted
-        up to each node, of those that act together; infinite as long as none did."""
+        up to each node, of those that act together: infinite as long as none did, 0.0 where they
+        are dependent."""
         least = np.inf
         known: dict[tuple, float] = {}
         values = [least]
@@ -241,7 +243,8 @@ class Path:
                 rows = self.shadow.rows(ids)
                 N = rows.gradients(self.nodes.t[j + 1 : j + 2], self.Y[j + 1 : j + 2])[0]
                 full = rows.m <= N.shape[1]
-                known[ids] = float(np.linalg.svd(N, compute_uv=False)[-1]) if full else 0.0
+                value = float(np.linalg.svd(N, compute_uv=False)[-1]) if full else 0.0
+                known[ids] = value if value > DEPENDENT else 0.0
             least = min(least, known.get(ids, np.inf))
             values.append(least)
         return np.array(values)

@@ -14,6 +14,7 @@ from nsbench.dynamics.contacts.constraint_set import ConstraintSet, near_of
 # Relative to the diagonal of the Gram matrix of unit normals: contacts that are dependent up to
 # this are closed as one, not each for itself.
 DAMPING = 1e-10
+LARGE = 6  # rows from which a stack of Gram matrices takes longer than each for itself
 ROUNDING = 1e-14  # of the state: steps that end an iteration
 TIME_STEP = 2.0**-20  # of own time, for the rate at which a moving constraint moves
 
@@ -168,16 +169,18 @@ def _gram_solver(N: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
     if m == 1:
         diagonal = (N * N).sum(axis=2) + DAMPING
         return lambda g: g / diagonal
+    A = [M @ M.T for M in N] if K == 1 or m >= LARGE else N @ N.transpose(0, 2, 1)
     diagonal = np.arange(m)
-    if K == 1 and m:  # of most calls: one Cholesky factor, without what a stack of matrices costs
-        A = N[0] @ N[0].T
-        A[diagonal, diagonal] += DAMPING
-        factor, failed = dpotrf(A, lower=1)
-        if not failed:
-            return lambda g: dpotrs(factor, g[0], lower=1)[0][None]
-    A = N @ N.transpose(0, 2, 1)
-    A[:, diagonal, diagonal] += DAMPING
-    return lambda g: np.linalg.solve(A, g[..., None])[..., 0]
+    for gram in A:
+        gram[diagonal, diagonal] += DAMPING
+    if isinstance(A, list) and m:  # Cholesky factors, which serve the refinement as well
+        factors = [dpotrf(gram, lower=1) for gram in A]
+        if not any(failed for _, failed in factors):
+            return lambda g: np.array(
+                [dpotrs(L, r, lower=1)[0] for (L, _), r in zip(factors, g, strict=True)]
+            )
+    stack = np.asarray(A)
+    return lambda g: np.linalg.solve(stack, g[..., None])[..., 0]
 
 
 def _back(N, q):
