@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg import expm
 
 from nsbench.error_bars.contact_rows import size
 from nsbench.error_bars.shadow import boole, doubt, upper_mean
 
 TERMS = 19  # of exp(A) v for |A| <= 1
 SMALL = 2.0**-56  # of v: terms below are rounding
+LONG = 8.0  # norm from which the series takes too many parts
 
 
 def residual_size(rho: np.ndarray, H: float) -> float:
@@ -57,10 +59,21 @@ class Flow:
 
 
 def _flow(A: np.ndarray, norm: float, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return exp(A) v and the mean of exp(s A) v over 0 <= s <= 1, by the Taylor series in parts
-    where that is short; norm: of A, or more."""
+    """Return exp(A) v and the mean of exp(s A) v over 0 <= s <= 1; norm: of A, or more.
+
+    By the Taylor series where it is short, else by scaling and squaring of a matrix that holds
+    both. Raises ArithmeticError where the norm is not finite.
+    """
     if norm == 0.0 or not v.any():
         return v, v
+    if not np.isfinite(norm):
+        raise ArithmeticError("the derivative of the drift is not finite")
+    if norm > LONG:
+        both = np.zeros((len(v) + 1, len(v) + 1))
+        both[:-1, :-1] = A
+        both[:-1, -1] = v
+        both = expm(both)
+        return both[:-1, :-1] @ v, both[:-1, -1]
     parts = 1
     while norm > parts:
         parts *= 2
