@@ -212,6 +212,30 @@ def cheapest_extrapolated(summaries: Iterable[Summary], target: float) -> Cost |
     return min(known, key=lambda c: (c.loop != "compiled", c.seconds), default=None)
 
 
+def cheapest(found: list[Cost]) -> Cost:
+    """Return the cost with the fewest seconds; the first one where no seconds are known.
+
+    found: as rank_costs returns them, at least one. A host loop that takes fewer seconds than all
+    compiled ones is cheaper beyond doubt, though COMPARISON_RULE forbids a ratio.
+    """
+    timed = [c for c in found if c.seconds > 0.0]
+    return min(timed, key=lambda c: c.seconds, default=found[0])
+
+
+def cheaper_extrapolated(
+    summaries: Iterable[Summary], found: list[Cost], target: float
+) -> Cost | None:
+    """Return the extrapolated cost that is below those of all methods that reach the error.
+
+    found: as rank_costs returns them. Where none reaches it the cheapest extrapolated one; a ladder
+    that stops short of an error does not make its method dear.
+    """
+    further = cheapest_extrapolated(summaries, target)
+    if further is None or not found:
+        return further
+    return further if further.seconds < cheapest(found).seconds else None
+
+
 def format_extrapolated(cost: Cost) -> str:
     """Say which step an error needs: ``needs h = 6e-5, about 55 ms (extrapolated)``."""
     return f"needs {format_setting(cost)}, about {format_seconds(cost.seconds)} (extrapolated)"

@@ -1,7 +1,8 @@
 """Table for the terminal at the end of `nsbench run`: per case the best method, its error and cost.
 
-Best is the cheapest method that reaches the state error TARGET; where no error is known, or none
-is small enough, the line says so.
+Best is the cheapest method that reaches the state error TARGET, or whose order tells that a smaller
+step than it was given would, in fewer seconds ("extrapolated"); where no error is known, or none is
+small enough, the line says so.
 """
 
 from __future__ import annotations
@@ -13,7 +14,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from nsbench.report.cost import Cost, cheapest_extrapolated, format_setting, rank_costs
+from nsbench.report.cost import (
+    Cost,
+    cheaper_extrapolated,
+    cheapest,
+    format_setting,
+    rank_costs,
+)
 from nsbench.report.data import Data, Runs
 from nsbench.report.style import format_count, format_number, format_seconds
 from nsbench.report.summary import estimate_order, rounding_span, stored_claims, summarise
@@ -61,18 +68,18 @@ def _line(data: Data, case: str) -> Line:
     refused = sum(set(r.col["status"]) == {"refused"} for r in runs)
     failed = sum(s not in ("ok", "refused", "below_reference") for s in statuses)
     ranked = rank_costs(data, case, TARGET)
+    further = _further(data, runs, ranked)
+    if further is not None:
+        setting = f"{format_setting(further)}, extrapolated"
+        seconds = further.seconds
+        return Line(case, further.solver, setting, seconds, "-", "-", refused, failed)
     if not ranked:
         measured = any(np.isfinite(r.col["state_sup"][r.good]).any() for r in runs)
         best = NOT_REACHED if measured else NOT_KNOWN
-        further = _further(data, runs) if measured else None
-        if further is not None:
-            setting = f"{format_setting(further)}, extrapolated"
-            seconds = further.seconds
-            return Line(case, further.solver, setting, seconds, "-", "-", refused, failed)
         if refused == len(runs):
             best = "refused"
         return Line(case, best, "", math.nan, "-", "-", refused, failed)
-    first = ranked[0]
+    first = cheapest(ranked)
     chosen = next(r for r in runs if r.solver == first.solver)
     return Line(
         case,
@@ -86,10 +93,24 @@ def _line(data: Data, case: str) -> Line:
     )
 
 
-def _further(data: Data, runs: list[Runs]) -> Cost | None:
-    """Return the least cost at which TARGET would be reached, by extrapolation."""
-    some = {(r.case, r.solver): r for r in runs}
-    return cheapest_extrapolated(summarise(replace(data, runs=some)).values(), TARGET)
+def _further(data: Data, runs: list[Runs], ranked: list[Cost]) -> Cost | None:
+    """Return the extrapolated cost at which TARGET would be reached in fewer seconds than by any
+    method that does."""
+    seconds = cheapest(ranked).seconds if ranked else math.inf
+    reached = {c.solver for c in ranked}
+    some = {
+        (r.case, r.solver): r
+        for r in runs
+        if r.solver not in reached and _finest_seconds(r) < seconds  # finer steps take longer
+    }
+    summaries = summarise(replace(data, runs=some)).values()
+    return cheaper_extrapolated(summaries, ranked, TARGET)
+
+
+def _finest_seconds(runs: Runs) -> float:
+    """Return the seconds of the finest run that ended well, inf where none has an error."""
+    good = runs.good & np.isfinite(runs.col["state_sup"]) & (runs.col["h"] > 0.0)
+    return float(runs.col["seconds"][good][-1]) if good.any() else math.inf
 
 
 def _order(data: Data, runs: Runs) -> str:

@@ -6,7 +6,7 @@ import pytest
 from report_rows import SOLVERS, STEPS, row, summaries
 
 from nsbench.report import cost as speed
-from nsbench.report import data, euler_sliding_figure, style, summary, verdict
+from nsbench.report import data, euler_sliding_figure, overview, style, summary, verdict
 from nsbench.report.tables import equal_error_tables, order_table
 from nsbench.solvers import get
 
@@ -180,6 +180,39 @@ def test_an_error_beyond_the_ladder_has_an_extrapolated_step():
     rows[-1]["state_sup"] = 50.0 * rows[-1]["state_sup"]
     wild = summary.summarise(data.read(rows))["a", "pbd"]
     assert speed.extrapolate_cost(wild, 0.03 * finest) is None or wild.state.verdict == "order"
+
+
+@pytest.mark.parametrize("loop", ["compiled", "host"])
+def test_a_ladder_that_stops_short_does_not_make_its_method_dear(loop):
+    """PBD stops above the error, and would take 3 ms for it."""
+    rows = [
+        row("a", "pbd", float(h), state_sup=30.0 * h, seconds=1e-7 / h, loop="compiled")
+        for h in STEPS
+    ]
+    rows += [row("a", "event_driven", 1e-12, state_sup=1e-15, loop=loop)]
+    for seconds, best in ((3e-2, "pbd"), (3e-4, "event_driven")):
+        rows[-1]["seconds"] = seconds
+        read = data.read(rows)
+        cells = equal_error_tables.choice_table(read, summary.summarise(read)).rows[0].cells
+        cell = cells[1 + speed.TARGETS.index(overview.TARGET)]
+        line = overview.overview(read)[0]
+        assert cell.text == line.best == best
+        told = ["extrapolated" in text for text in (cell.small, line.setting)]
+        assert told == [best == "pbd"] * 2
+        assert best == "event_driven" or "event_driven 30 ms" in cell.title
+
+
+def test_a_host_loop_with_fewer_seconds_is_the_cheapest():
+    rows = [
+        row("a", "pbd", float(h), state_sup=0.1 * h, seconds=1e-3 / h, loop="compiled")
+        for h in STEPS
+    ]
+    rows += [row("a", "event_driven", 1e-12, state_sup=1e-15, loop="host")]
+    for seconds, best in ((1e-2, "event_driven"), (1e2, "pbd")):
+        rows[-1]["seconds"] = seconds
+        read = data.read(rows)
+        cells = equal_error_tables.choice_table(read, summary.summarise(read)).rows[0].cells
+        assert cells[1 + speed.TARGETS.index(1e-3)].text == overview.overview(read)[0].best == best
 
 
 def test_errors_that_no_step_lowers_are_not_extrapolated():

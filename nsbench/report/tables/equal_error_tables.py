@@ -7,7 +7,8 @@ import numpy as np
 from nsbench.report.cost import (
     TARGETS,
     Cost,
-    cheapest_extrapolated,
+    cheaper_extrapolated,
+    cheapest,
     extrapolate_cost,
     format_extrapolated,
     format_setting,
@@ -62,7 +63,7 @@ def ranking_table(data: Data) -> Table:
 def choice_table(data: Data, summaries: Summaries) -> Table:
     """Build the table case x error of the cheapest method.
 
-    By seconds among compiled loops, by counted work where there is none.
+    By seconds, by counted work where there are none.
     """
     rows = []
     if not any(np.isfinite(r.col["state_sup"][r.good]).any() for r in data.runs.values()):
@@ -75,7 +76,7 @@ def choice_table(data: Data, summaries: Summaries) -> Table:
                 np.isfinite(r.col["state_sup"][r.good]).any() for r in data.of_case(case)
             )
             own = (s for (c, _), s in summaries.items() if c == case)
-            further = cheapest_extrapolated(own, target) if not (found or blind) else None
+            further = None if blind else cheaper_extrapolated(own, found, target)
             cells.append(
                 Cell("no error known", kind="quiet") if blind else _choice(found, target, further)
             )
@@ -85,27 +86,28 @@ def choice_table(data: Data, summaries: Summaries) -> Table:
         ("case", *(f"error {format_power(t)}" for t in TARGETS)),
         tuple(rows),
         "The cheapest method whose state error stays below the figure at all smaller steps, with "
-        "the accuracy it needs. Seconds are compared between compiled loops; “host loop” marks a "
-        "method that alone reaches the error, or whose seconds measure the interpreter. "
-        "“Extrapolated”: no run reached the error; the step is where the fitted order gets there.",
+        "the accuracy it needs. “Host loop”: the seconds of that method measure the interpreter, "
+        "and are fewer than those of all compiled loops that reach the error. "
+        "“Extrapolated”: no run of that method reached the error; the step is where the fitted "
+        "order gets there, in fewer seconds than any method took that did.",
     )
 
 
 def _choice(found: list[Cost], target: float, further: Cost | None) -> Cell:
     """The cheapest of the methods that reach `target`; the others in the title.
 
-    further: if none does, what would.
+    further: what would reach it in fewer seconds than any run that does, or where none does.
     """
     if further is not None:
-        return Cell(further.solver, format_extrapolated(further), _missed(target), "quiet")
+        reached = ", ".join(f"{c.solver} {format_seconds(c.seconds)}" for c in found)
+        title = f"Reached by: {reached}." if found else _missed(target)
+        return Cell(further.solver, format_extrapolated(further), title, "quiet")
     if not found:
-        return Cell(
-            "not reached", kind="quiet", title=_missed(target)
-        )
-    first = found[0]
+        return Cell("not reached", kind="quiet", title=_missed(target))
+    first = cheapest(found)
     bound = "at most " if first.at_most else ""
     small = f"{bound}{format_seconds(first.seconds)}, {format_setting(first)}"
-    others = ", ".join(f"{c.solver} {format_seconds(c.seconds)}" for c in found[1:])
+    others = ", ".join(f"{c.solver} {format_seconds(c.seconds)}" for c in found if c is not first)
     if first.loop != "compiled":
         small += f", {first.loop or 'unmarked'} loop"
     return Cell(
