@@ -182,7 +182,8 @@ def extrapolate_cost(summary: Summary, target: float) -> Cost | None:
     if not factor < 1.0:
         return None
     h = runs.col["h"][good]
-    grown = lambda values: float(values[-1] * factor ** _exponent(h, values))
+    # finer steps do not take less: that is noise of quick runs
+    grown = lambda values: float(values[-1] * factor ** min(0.0, _exponent(h, values)))
     return Cost(
         solver=runs.solver,
         loop=runs.loop,

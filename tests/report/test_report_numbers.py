@@ -176,6 +176,9 @@ def test_an_error_beyond_the_ladder_has_an_extrapolated_step():
     assert cost.is_extrapolated and cost.h == pytest.approx(0.01 * finest, rel=0.02)
     assert cost.seconds == pytest.approx(1e-6 / cost.h, rel=0.02)
     assert speed.extrapolate_cost(found, 3.1 * finest) is None  # a run reaches it
+    quick = [r | {"seconds": r["h"]} for r in rows]  # noise: the finest run took the least
+    noisy = speed.extrapolate_cost(summary.summarise(data.read(quick))["a", "pbd"], 0.03 * finest)
+    assert noisy.seconds == finest
     assert speed.extrapolate_cost(found, 1e-14) is None  # rounding does not allow it
     rows[-1]["state_sup"] = 50.0 * rows[-1]["state_sup"]
     wild = summary.summarise(data.read(rows))["a", "pbd"]
