@@ -182,15 +182,19 @@ def lines_of(methods, path, to):
     return to
 
 
-def attempt(folder, path, replacements, one) -> tuple[int, str]:
+def attempt(folder, path, replacements, one, kernels=None) -> tuple[int, str]:
     """Exit status of the gate with a fault, and the last line that it said.
 
-    one: text of the unbroken baseline of one method, for faults in the gate itself.
+    one: text of the unbroken baseline of one method, for faults in the gate itself. kernels: the
+    folder of those that are compiled with a fault in one of them, else one for this attempt.
     """
     files = [file for file, _, _ in replacements]
     methods = methods_of(files)
     with tempfile.TemporaryDirectory() as scratch, broken_in(folder, *replacements):
-        kernels = scratch if any(map(is_kernel, files)) else None
+        if any(map(is_kernel, files)):
+            kernels = kernels or scratch
+        else:
+            kernels = None
         lines = lines_of(methods, path, Path(scratch) / "baseline.csv")
         status, said = suite(folder, "--baseline", lines, methods=methods, kernels=kernels)
         if not status and any(f.startswith("nsbench/gate/") for f in files):

@@ -3,27 +3,35 @@
     python tests/studies/mutants.py [--count 500] [--seed 1] [--rooms measure gate] [--minutes 60]
 
 Kinds: a changed operator or comparison, a changed constant, a shifted index, a dropped line
-(drawn_faults.py). Each mutant lies in a copy of the checkout. It is run against the test files that
-import its module, or the nearest module that imports it (imports.py), up to the first failure and
---limit seconds; if it survives, against the suite of gate_suite.py and its baseline. Outcomes are
-written to mutants.jsonl in a folder of the user's cache as they come: the same command goes on
-where the last one ended, --again starts anew. Prints the counts of each room, and all survivors
-with the reason that is known (EQUIVALENT); exit status 1 if there is one without a reason.
+(drawn_faults.py). Each mutant lies in a copy of the checkout. It is run against the quick tests that
+run its line (covering_tests.py; of compiled kernels, those of its callers), up to the first failure
+and to --limit seconds; if it survives, against the suite of gate_suite.py and its baseline, then
+against the long tests of its module. The copy, with its map of the tests and its compiled kernels, is
+kept in a folder of the user's cache, and outcomes are written to a journal there as they come: the
+same command goes on where the last one ended, --again starts anew. Prints the counts of each room,
+and all survivors with the reason that is known (EQUIVALENT); exit status 1 if there is one without.
 """
 
+from __future__ import annotations
+
 import argparse
+import hashlib
 import json
 import os
 import random
+import shutil
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections import Counter
 from itertools import zip_longest
 from pathlib import Path
 
-from copies import ROOT, broken_in
+import kernel_stamps
+from copies import ROOT, broken_in, is_kernel
+from covering_tests import CoveringTests, make_map
 from drawn_faults import changed, named, sites_of
 from gate_faults import attempt, baseline, baseline_of_one, suite, whole_copy
 from imports import imported
@@ -47,8 +55,11 @@ ROOMS = {
         "nsbench/results/consistency.py",
     ),
 }
-MARKS = ("not long", "long")  # of tests, in the order in which they are tried
-SLOWER = 3.0  # times the limit, after which the tests of a mutant are said to hang
+SLOWER = 2.0  # times the seconds of the unbroken tests, after which a mutant is said to hang
+START = 30.0  # seconds more, of a process that starts
+COMPILES = 120.0  # seconds more, of one that compiles the kernels that hold a mutant
+HANGS = 45  # seconds of one test, after which its process is ended
+NO_TESTS = 5  # what pytest exits with where none was chosen
 # survivors that no test can see, by drawn_faults.named
 EQUIVALENT: dict[str, str] = {
     "nsbench/results/consistency.py: "
@@ -58,12 +69,12 @@ EQUIVALENT: dict[str, str] = {
 }
 
 
-def mutants(rooms, count: int, seed: int) -> list[tuple]:
+def mutants(count: int, seed: int) -> list[tuple]:
     """Draw (room, path, site) without repetition: rooms in turn, kinds as likely as each other."""
     rng = random.Random(seed)
     drawn = {}
-    for room in rooms:
-        files = sorted({p for pattern in ROOMS[room] for p in ROOT.glob(pattern)})
+    for room, patterns in ROOMS.items():
+        files = sorted({p for pattern in patterns for p in ROOT.glob(pattern)})
         by_kind: dict[str, list] = {}
         for path in files:
             for kind, sites in sites_of(path).items():
@@ -87,7 +98,10 @@ def tests_of(file: str) -> list[str]:
     sources = [p.relative_to(ROOT).as_posix() for p in sorted((ROOT / "nsbench").rglob("*.py"))]
     level = {file}
     seen = set(level)
-    of_room = [t for t in tests if t.split("/")[1] == file.split("/")[1]]
+    folders = file.split("/")[1:-1]
+    near = [t for t in tests if t.split("/")[1:-1] == folders[: t.count("/") - 1]]
+    deepest = max((t.count("/") for t in near), default=0)
+    of_room = [t for t in near if t.count("/") == deepest > 1]
     while level:
         found = [t for t in tests if imported(t) & level]
         if found:
@@ -97,90 +111,100 @@ def tests_of(file: str) -> list[str]:
     return of_room
 
 
-def tested(folder: Path, tests: list[tuple], limit: float, kernels=None) -> tuple[str, str]:
-    """Run tests in a copy up to the first failure: an outcome, and the test that failed.
-
-    tests: pairs of a file and the marks of those of its tests that are meant (MARKS).
-    """
-    ends = time.monotonic() + limit
-    for marks in MARKS:
-        files = [file for file, m in tests if m == marks]
-        left = ends - time.monotonic()
-        outcome = _tested(folder, files, marks, left, kernels) if files else ("survived", "")
-        if outcome[0] != "survived":
-            return outcome
-    return "survived", ""
-
-
-def _tested(folder, files, marks, limit, kernels) -> tuple[str, str]:
-    env = os.environ | {
-        "PYTHONPATH": str(folder),
-        "NUMBA_CACHE_DIR": str(kernels or folder / ".kernels"),
-        "XDG_CACHE_HOME": str(folder / ".cache"),
-    }
-    command = [sys.executable, "-m", "pytest", "-xq", "-n0", "-p", "no:cacheprovider"]
-    command += ["-m", marks, *files]
-    try:
-        done = subprocess.run(
-            command, cwd=folder, env=env, capture_output=True, text=True, timeout=limit
-        )
-    except subprocess.TimeoutExpired:
-        return "timeout", ""
-    lines = [x for x in done.stdout.splitlines() if x.startswith(("FAILED", "ERROR"))]
-    return ("survived" if done.returncode == 0 else "killed"), (lines or ["?"])[0][:150]
-
-
 class Bench:
-    """A copy of the checkout with the baseline of its suite, made when it is first needed."""
+    """A copy of the checkout: its compiled kernels, the map of its tests, its suite's baseline."""
 
     def __init__(self, folder: Path, limit: float):
         self.folder = folder
         self.limit = limit
-        self.seconds: dict[tuple, float] = {}
-        self.baseline: tuple | None = None
-        whole_copy(folder)
+        self.env = os.environ | {
+            "PYTHONPATH": str(folder),
+            "XDG_CACHE_HOME": str(folder / ".cache"),
+            "NUMBA_CACHE_DIR": str(folder / ".kernels"),
+        }
 
-    def sound_tests(self, file: str) -> list[tuple]:
-        """Return the tests of a file (see `tested`) that pass in the unbroken copy, the quick ones
-        first.
+    def prepare(self) -> Bench:
+        """Copy the checkout, run its tests under coverage and the suite of the gate."""
+        whole_copy(self.folder)
+        kernel_stamps.install(self.folder)
+        make_map(self.folder, self.env)
+        suite(self.folder, "--reference")
+        suite(self.folder)
+        baseline(self.folder)
+        (self.folder / "one.txt").write_text(baseline_of_one(self.folder), encoding="utf-8")
+        return self.opened()
 
-        Together they take no longer than the limit.
-        """
-        tests = [(test, marks) for marks in MARKS for test in tests_of(file)]
-        for test in tests:
-            if test not in self.seconds:
-                began = time.monotonic()
-                passed = tested(self.folder, [test], self.limit)[0] == "survived"
-                self.seconds[test] = time.monotonic() - began if passed else float("inf")
+    def opened(self) -> Bench:
+        """Read the map."""
+        self.tests = CoveringTests(self.folder, is_kernel)
+        return self
+
+    def twin(self, folder: Path) -> Bench:
+        """Return a bench in another folder with the same kernels."""
+        shutil.copytree(self.folder, folder, symlinks=True, dirs_exist_ok=True)
+        for name in ("cases", "reference_solutions"):
+            (folder / "nsbench" / name).unlink()
+            (folder / "nsbench" / name).symlink_to(folder / name)
+        kernel_stamps.rename_stores(folder / ".kernels", self.folder, folder)
+        return Bench(folder, self.limit).opened_from(self)
+
+    def opened_from(self, other: Bench) -> Bench:
+        """Take the map of another bench."""
+        self.tests = other.tests
+        return self
+
+    def quick(self, tests: list[str]) -> list[str]:
+        """Return the first tests, as many as take no longer than the limit together."""
         out = []
-        for test in sorted(tests, key=self.seconds.get):
-            if self.seconds[test] + sum(self.seconds[t] for t in out) <= self.limit:
-                out.append(test)
+        left = self.limit
+        for test in tests:
+            left -= self.tests.seconds.get(test, 0.0)
+            if left < 0.0:
+                break
+            out.append(test)
         return out
 
-    def gate(self, fault) -> bool:
-        """Does the gate see the fault?"""
-        if self.baseline is None:
-            suite(self.folder, "--reference")
-            suite(self.folder)
-            path = baseline(self.folder)
-            self.baseline = path, baseline_of_one(self.folder)
-        path, one = self.baseline
-        return attempt(self.folder, path, (fault,), one)[0] != 0
-
-    def outcome(self, room: str, fault) -> dict:
-        """Try one mutant."""
-        tests = self.sound_tests(fault[0])
-        with tempfile.TemporaryDirectory() as scratch, broken_in(self.folder, fault):
-            kernels = scratch if room == "kernels" else None
-            said, by = (
-                tested(self.folder, tests, SLOWER * self.limit, kernels)
-                if tests
-                else ("no tests", "")
+    def tested(self, tests: list[str], marks: str, kernels: Path, seconds: float):
+        """Run tests up to the first failure: an outcome, and the test that failed."""
+        hangs = HANGS + COMPILES * (kernels != self.folder / ".kernels") + self.limit * (marks == "long")
+        command = [sys.executable, "-m", "pytest", "-xq", "-n0", "-p", "no:cacheprovider"]
+        command += ["-o", f"faulthandler_timeout={hangs:.0f}"]
+        command += ["-o", "faulthandler_exit_on_timeout=true", "-m", marks, *tests]
+        env = self.env | {"NUMBA_CACHE_DIR": str(kernels)}
+        try:
+            done = subprocess.run(
+                command, cwd=self.folder, env=env, capture_output=True, text=True, timeout=seconds
             )
-        if said in ("survived", "no tests") and self.gate(fault):
-            return {"outcome": "gate", "by": f"gate, after: {said}"}
-        return {"outcome": said, "by": by, "tests": tests}
+        except subprocess.TimeoutExpired:
+            return "timeout", ""
+        lines = [x for x in done.stdout.splitlines() if x.startswith(("FAILED", "ERROR"))]
+        survived = done.returncode in (0, NO_TESTS)
+        return ("survived" if survived else "killed"), (lines or ["?"])[0][:150]
+
+    def outcome(self, room: str, fault, line: int) -> dict:
+        """Try one mutant: quick tests that run its line, the gate, long tests of its file."""
+        file = fault[0]
+        tests = self.quick(self.tests.of(file, line))
+        seconds = START + COMPILES * is_kernel(file)
+        seconds += SLOWER * sum(self.tests.seconds[t] for t in tests)
+        long = tests_of(file)
+        with tempfile.TemporaryDirectory() as scratch:
+            kernels = self.folder / ".kernels"
+            if is_kernel(file):
+                kernels = Path(scratch) / "kernels"
+                shutil.copytree(self.folder / ".kernels", kernels)
+            with broken_in(self.folder, fault), kernel_stamps.mutated(self.folder, file):
+                if tests:
+                    said, by = self.tested(tests, "not long", kernels, seconds)
+                    if said != "survived":
+                        return {"outcome": said, "by": by, "tests": len(tests)}
+            path, one = self.folder / "baseline.csv", (self.folder / "one.txt").read_text("utf-8")
+            with kernel_stamps.mutated(self.folder, file):
+                if attempt(self.folder, path, (fault,), one, kernels)[0]:
+                    return {"outcome": "gate", "by": "gate", "tests": len(tests)}
+            with broken_in(self.folder, fault), kernel_stamps.mutated(self.folder, file):
+                said, by = self.tested(long, "long", kernels, 2.0 * self.limit + COMPILES)
+        return {"outcome": said, "by": by, "tests": len(tests), "long": long}
 
 
 def journal_path(seed: int) -> Path:
@@ -210,37 +234,79 @@ def report(results: list[dict], count: int) -> int:
     return bad
 
 
+def opened_bench(limit: float) -> Bench:
+    """Return the bench of this checkout; it is made where none is kept, which takes minutes."""
+    sources = [p for top in ("nsbench", "tests", "cases") for p in sorted((ROOT / top).rglob("*.py"))]
+    digest = hashlib.sha256(b"".join(p.read_bytes() for p in sources)).hexdigest()[:16]
+    folder = journal_path(0).parent / f"bench_{digest}"
+    bench = Bench(folder, limit)
+    if (folder / "prepared").exists():
+        return bench.opened()
+    print("running the tests under coverage: some minutes", flush=True)
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    bench.prepare()
+    (folder / "prepared").touch()
+    return bench
+
+
+def try_all(benches: list[Bench], todo: list[tuple], path: Path, until: float) -> dict[str, dict]:
+    """Try mutants on several benches at once, up to a time; every outcome is written as it comes."""
+    found = {}
+    queue = iter(todo)
+    lock = threading.Lock()
+
+    def work(bench: Bench) -> None:
+        while time.monotonic() < until:
+            with lock:
+                room, file, site = next(queue, (None, None, None))
+            if room is None:
+                return
+            title, fault = changed(file, site)
+            line = int(title.removeprefix(fault[0] + ":").partition(":")[0])
+            began = time.monotonic()
+            row = {"room": room, "title": title, "named": named(file, site)}
+            row |= bench.outcome(room, fault, line) | {"seconds": round(time.monotonic() - began, 1)}
+            with lock:
+                found[title] = row
+                with open(path, "a", encoding="utf-8") as out:
+                    out.write(json.dumps(row) + "\n")
+                print(f"{row['outcome']}: {title} ({row['by']}) [{row['seconds']} s]", flush=True)
+
+    threads = [threading.Thread(target=work, args=(b,)) for b in benches]
+    for t in threads:
+        t.start()
+    for t in threads:
+        t.join()
+    return found
+
+
 def main() -> int:
     """Try the mutants that are left, then report on all."""
     p = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     p.add_argument("--count", type=int, default=500)
     p.add_argument("--seed", type=int, default=1)
     p.add_argument("--rooms", nargs="*", default=list(ROOMS), choices=list(ROOMS))
-    p.add_argument("--limit", type=float, default=300.0, help="seconds of the tests of a mutant")
+    p.add_argument("--limit", type=float, default=60.0, help="seconds of the tests of a mutant")
     p.add_argument("--minutes", type=float, default=float("inf"), help="begin none after these")
     p.add_argument("--again", action="store_true", help="forget earlier outcomes")
+    p.add_argument("-j", "--jobs", type=int, default=1, help="so many mutants at once")
     args = p.parse_args()
     path = journal_path(args.seed)
     path.parent.mkdir(parents=True, exist_ok=True)
     if args.again:
         path.unlink(missing_ok=True)
     done = known(path)
-    begun = time.monotonic()
-    results = []
-    with tempfile.TemporaryDirectory() as folder:
-        bench = Bench(Path(folder), args.limit)
-        for room, file, site in mutants(args.rooms, args.count, args.seed):
-            title, fault = changed(file, site)
-            if title not in done:
-                if time.monotonic() - begun > 60.0 * args.minutes:
-                    continue
-                found = {"room": room, "title": title, "named": named(file, site)}
-                done[title] = found | bench.outcome(room, fault)
-                with open(path, "a", encoding="utf-8") as out:
-                    out.write(json.dumps(done[title]) + "\n")
-                print(f"{done[title]['outcome']}: {title} ({done[title]['by']})", flush=True)
-            results.append(done[title])
-    return 1 if report(results, args.count) else 0
+    until = time.monotonic() + 60.0 * args.minutes
+    drawn = [m for m in mutants(args.count, args.seed) if m[0] in args.rooms]
+    todo = [m for m in drawn if changed(*m[1:])[0] not in done]
+    bench = opened_bench(args.limit)
+    with tempfile.TemporaryDirectory() as scratch:
+        benches = [bench.twin(Path(scratch) / str(k)) for k in range(args.jobs)]
+        done |= try_all(benches, todo, path, until)
+    titles = [changed(*m[1:])[0] for m in drawn]
+    results = [done[t] for t in titles if t in done]
+    return 1 if report(results, len(drawn)) else 0
 
 
 if __name__ == "__main__":
