@@ -103,7 +103,7 @@ class Resolution:
 
     step: length of its fixed steps, 0.0 where it has none.
     layer: half-width of the layer |c| < layer in which a switch c is regularised, 0.0 where the
-    sign is sharp.
+    sign is sharp. stiffness: k of the springs that hold the constraints, 0.0 where none do.
     rule: "explicit" or "implicit" for fixed steps that take the field at their start or their end,
     "" for all other methods.
     tolerance: relative tolerance of the step control of an integrator, 0.0 where none is to be
@@ -117,6 +117,7 @@ class Resolution:
     tolerance: float = 0.0
     claimed_error: float = 0.0
     max_tolerance: float = np.inf
+    stiffness: float = 0.0
 
     def __post_init__(self):
         if self.rule not in RULES:

@@ -71,7 +71,7 @@ def _write_player(case: Case, args, traj: Trajectory) -> Path:
     from nsbench.results.atomic_write import write_atomically
 
     method = solvers.get(args.solver)
-    value = read_accuracies(args).get(method.accuracy, method.default)
+    value = read_accuracies(args).get(method.accuracy) or default_accuracy(method, case)
     known = reference(case)
     states = None if known is None else np.asarray(known.x)
     player = collect_frames(case, states, [(args.solver, value, traj)])

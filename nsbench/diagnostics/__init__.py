@@ -21,6 +21,7 @@ from nsbench.diagnostics.contacts import (
     infeasible_constraints,
     infeasible_links,
     passed_through,
+    soft_springs,
 )
 from nsbench.diagnostics.filippov import (
     corner_velocity,
@@ -68,6 +69,15 @@ CHECKS = (
         f"program leaves > {infeasible_constraints.CURVATURE:g} of the violation; unverified: the "
         "nearest state of the linearised constraints is farther than "
         f"{infeasible_constraints.FAR_FEASIBLE:g} times the sum of violations",
+    ),
+    Check(
+        "soft_springs",
+        Complementarity,
+        soft_springs.check_soft_springs,
+        UNVERIFIED,
+        even_if_exact=True,
+        criterion="largest violation of a run whose constraints are springs > "
+        f"{soft_springs.SOFT:g} of own length, or > 0 and 1 / k > {soft_springs.SLOW:g} own time",
     ),
     Check(
         "passed_through",

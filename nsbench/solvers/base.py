@@ -25,7 +25,9 @@ __all__ = [
     "Grid",
     "Run",
     "Solver",
+    "accuracy_unit",
     "check_positive",
+    "default_accuracy",
     "grid",
     "last_steps",
     "sample",
@@ -71,7 +73,8 @@ class Solver(Protocol):
 
     Optional: `expects`, a tuple of `Expect`, of which the first one that applies to a case counts;
     `checks`, a tuple of `nsbench.diagnostics.Check` of its own, applied to a run that ended well,
-    before the general ones and outside of what is timed.
+    before the general ones and outside of what is timed; `accuracy_unit(case)`, of which `default`
+    and `ladder` are multiples where a number alone would mean another accuracy in every unit.
     """
 
     accuracy: str
@@ -81,3 +84,14 @@ class Solver(Protocol):
     def refuses(self, case: Case) -> str | None: ...
 
     def prepare(self, case: Case, accuracy: float) -> Run: ...
+
+
+def default_accuracy(method: Solver, case: Case) -> float:
+    """Return the value of its accuracy parameter that a method takes where none is asked for."""
+    return method.default * accuracy_unit(method, case)
+
+
+def accuracy_unit(method: Solver, case: Case) -> float:
+    """Return the unit of a method's default and ladder on a case; 1.0 where it has none."""
+    unit = getattr(method, "accuracy_unit", None)
+    return 1.0 if unit is None else float(unit(case))

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 from nsbench import input_errors, user_code
 from nsbench.case import Case, case_module, format_value, get_case, load_module, nearest, parse_spec
-from nsbench.solvers.base import Solver, check_positive
+from nsbench.solvers.base import Solver, check_positive, default_accuracy
 from nsbench.solvers.common.prepared_runs import PreparedRuns
 from nsbench.source_files import plugins
 from nsbench.trajectory import Status, Trajectory
@@ -232,9 +232,11 @@ def _prepare(case: Case, solver: str, accuracy: dict) -> ScaledRun | Trajectory:
     if set(accuracy) - {method.accuracy}:
         wrong = (set(accuracy) - {method.accuracy}).pop()
         raise LookupError(f"{solver} takes {method.accuracy!r}, not {wrong!r}")
-    value = check_positive(method.accuracy, accuracy.get(method.accuracy, method.default))
+    value = check_positive(method.accuracy, accuracy.get(method.accuracy, 1.0))
     why = method.refuses(case)
-    return refused(case, why) if why else ScaledRun(method, case, value)
+    if why:
+        return refused(case, why)
+    return ScaledRun(method, case, value if accuracy else default_accuracy(method, case))
 
 
 def _is_of_package(name: str) -> bool:

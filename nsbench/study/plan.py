@@ -16,7 +16,7 @@ import numpy as np
 
 from nsbench import solvers, user_code
 from nsbench.case import SUITES, Case, case_module, case_names, get_case, load_case, parse_spec
-from nsbench.solvers.base import Solver
+from nsbench.solvers.base import Solver, accuracy_unit
 
 SMOKE = ("tide", "sliding", "three_discs")  # cases of the smoke suite, if they name none themselves
 POINTS = 19  # of a ladder of OCTAVES
@@ -180,5 +180,5 @@ def ladder(case: Case, method: Solver) -> list[float]:
     values = [float(v) for v in getattr(method, "ladder", (method.default,))]
     if method.accuracy == "k" and len(values) == 2:
         first, last = values
-        return [float(v) for v in np.geomspace(first, last, POINTS)]
-    return values
+        values = [float(v) for v in np.geomspace(first, last, POINTS)]
+    return [v * accuracy_unit(method, case) for v in values]

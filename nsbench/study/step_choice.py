@@ -20,7 +20,7 @@ from nsbench.dynamics.contacts.tolerances import scene_of
 from nsbench.dynamics.scaling.estimate import case_scale, particle_diameter
 from nsbench.error_bars import ErrorBars
 from nsbench.problem import Complementarity
-from nsbench.solvers.base import Solver
+from nsbench.solvers.base import Solver, accuracy_unit
 from nsbench.solvers.scaled_run import ScaledRun
 from nsbench.trajectory import Trajectory
 
@@ -145,6 +145,7 @@ class _Search:
         span = float(case.t[-1] - case.t[0])
         step = min(float(np.diff(case.t).min()), span / FIRST_STEPS)
         stiffness = float(getattr(method, "ladder", (method.default,))[0])
+        stiffness *= accuracy_unit(method, case)
         self.first = stiffness if self.by_stiffness else step
 
     def choice(self) -> Choice:

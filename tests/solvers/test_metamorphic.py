@@ -12,7 +12,7 @@ from nsbench.case import get_case
 from nsbench.solvers import get
 
 TWOS = {"time": 2.0**-30, "length": 2.0**20}
-EXACT = ("event_driven", "pbd", "catching_up", "theta", "euler", "euler[implicit=true]")
+EXACT = ("event_driven", "pbd", "catching_up", "theta", "euler", "euler[implicit=true]", "penalty")
 CASES = ("slide_exit", "three_discs", "rlc_diode", "crossing")
 OF_EACH = [(c, m) for c in CASES for m in EXACT if get(m).refuses(get_case(c)) is None]
 

@@ -59,6 +59,9 @@ SLOWER = 2.0  # times the seconds of the unbroken tests, after which a mutant is
 START = 30.0  # seconds more, of a process that starts
 COMPILES = 120.0  # seconds more, of one that compiles the kernels that hold a mutant
 HANGS = 45  # seconds of one test, after which its process is ended
+WHOLE = 600.0  # seconds of one test of the unbroken copy, at most
+QUICK = "not long"
+LONG = "long"
 NO_TESTS = 5  # what pytest exits with where none was chosen
 # survivors that no test can see, by drawn_faults.named
 EQUIVALENT: dict[str, str] = {
@@ -117,6 +120,8 @@ class Bench:
     def __init__(self, folder: Path, limit: float):
         self.folder = folder
         self.limit = limit
+        self.sound: dict[str, bool] = {}  # by test: does it pass by itself?
+        self.failing: dict[str, list[str]] = {}  # by files: their long tests that fail unbroken
         self.env = os.environ | {
             "PYTHONPATH": str(folder),
             "XDG_CACHE_HOME": str(folder / ".cache"),
@@ -130,7 +135,10 @@ class Bench:
         make_map(self.folder, self.env)
         suite(self.folder, "--reference")
         suite(self.folder)
-        baseline(self.folder)
+        path = baseline(self.folder)
+        status, said = suite(self.folder, "--baseline", path)
+        if status:
+            raise SystemExit(f"the unbroken bench: {said}")
         (self.folder / "one.txt").write_text(baseline_of_one(self.folder), encoding="utf-8")
         return self.opened()
 
@@ -164,22 +172,58 @@ class Bench:
             out.append(test)
         return out
 
-    def tested(self, tests: list[str], marks: str, kernels: Path, seconds: float):
-        """Run tests up to the first failure: an outcome, and the test that failed."""
-        hangs = HANGS + COMPILES * (kernels != self.folder / ".kernels") + self.limit * (marks == "long")
-        command = [sys.executable, "-m", "pytest", "-xq", "-n0", "-p", "no:cacheprovider"]
+    def tested(self, tests: list[str], marks: str, kernels: Path, seconds: float, without=(), first=True):
+        """Run tests, to the first failure or to the end: an outcome, and the tests that failed."""
+        hangs = HANGS + self.limit * (marks == LONG)
+        hangs += COMPILES * (kernels != self.folder / ".kernels")
+        command = [sys.executable, "-m", "pytest", "-q", "-n0", "-p", "no:cacheprovider"]
+        command += ["-x"] if first else []
         command += ["-o", f"faulthandler_timeout={hangs:.0f}"]
-        command += ["-o", "faulthandler_exit_on_timeout=true", "-m", marks, *tests]
+        command += ["-o", "faulthandler_exit_on_timeout=true", "-m", marks]
+        command += [word for test in without for word in ("--deselect", test)]
         env = self.env | {"NUMBA_CACHE_DIR": str(kernels)}
         try:
             done = subprocess.run(
-                command, cwd=self.folder, env=env, capture_output=True, text=True, timeout=seconds
+                [*command, *tests],
+                cwd=self.folder,
+                env=env,
+                capture_output=True,
+                text=True,
+                timeout=seconds,
             )
         except subprocess.TimeoutExpired:
-            return "timeout", ""
+            return "timeout", []
         lines = [x for x in done.stdout.splitlines() if x.startswith(("FAILED", "ERROR"))]
         survived = done.returncode in (0, NO_TESTS)
-        return ("survived" if survived else "killed"), (lines or ["?"])[0][:150]
+        failed = [x.partition(" ")[2].partition(" - ")[0] for x in lines]
+        return ("survived" if survived else "killed"), failed
+
+    def killed_by(self, fault, tests: list[str], marks: str, kernels: Path, seconds: float):
+        """Run tests on a mutant; a test that fails on the unbroken copy too says nothing."""
+        without = self.unsound(tests) if marks == LONG else []
+        while tests:
+            with broken_in(self.folder, fault), kernel_stamps.mutated(self.folder, fault[0]):
+                said, failed = self.tested(tests, marks, kernels, seconds, without)
+            by = failed[0] if failed else "?"
+            if said != "killed" or "::" not in by or self.is_sound(by, marks):
+                return said, by
+            without.append(by)
+        return "survived", ""
+
+    def unsound(self, files: list[str]) -> list[str]:
+        """Return the long tests of files that fail in the unbroken copy, looked up once."""
+        key = " ".join(files)
+        if key not in self.failing:
+            kernels = self.folder / ".kernels"
+            self.failing[key] = self.tested(files, LONG, kernels, WHOLE, first=False)[1]
+        return list(self.failing[key])
+
+    def is_sound(self, test: str, marks: str) -> bool:
+        """Does a test pass by itself in the unbroken copy?"""
+        if test not in self.sound:
+            kernels = self.folder / ".kernels"
+            self.sound[test] = self.tested([test], marks, kernels, WHOLE)[0] == "survived"
+        return self.sound[test]
 
     def outcome(self, room: str, fault, line: int) -> dict:
         """Try one mutant: quick tests that run its line, the gate, long tests of its file."""
@@ -193,17 +237,14 @@ class Bench:
             if is_kernel(file):
                 kernels = Path(scratch) / "kernels"
                 shutil.copytree(self.folder / ".kernels", kernels)
-            with broken_in(self.folder, fault), kernel_stamps.mutated(self.folder, file):
-                if tests:
-                    said, by = self.tested(tests, "not long", kernels, seconds)
-                    if said != "survived":
-                        return {"outcome": said, "by": by, "tests": len(tests)}
+            said, by = self.killed_by(fault, tests, QUICK, kernels, seconds)
+            if said != "survived":
+                return {"outcome": said, "by": by, "tests": len(tests)}
             path, one = self.folder / "baseline.csv", (self.folder / "one.txt").read_text("utf-8")
             with kernel_stamps.mutated(self.folder, file):
                 if attempt(self.folder, path, (fault,), one, kernels)[0]:
                     return {"outcome": "gate", "by": "gate", "tests": len(tests)}
-            with broken_in(self.folder, fault), kernel_stamps.mutated(self.folder, file):
-                said, by = self.tested(long, "long", kernels, 2.0 * self.limit + COMPILES)
+            said, by = self.killed_by(fault, long, LONG, kernels, 2.0 * self.limit + COMPILES)
         return {"outcome": said, "by": by, "tests": len(tests), "long": long}
 
 
@@ -237,8 +278,9 @@ def report(results: list[dict], count: int) -> int:
 def opened_bench(limit: float) -> Bench:
     """Return the bench of this checkout; it is made where none is kept, which takes minutes."""
     sources = [p for top in ("nsbench", "tests", "cases") for p in sorted((ROOT / top).rglob("*.py"))]
-    digest = hashlib.sha256(b"".join(p.read_bytes() for p in sources)).hexdigest()[:16]
-    folder = journal_path(0).parent / f"bench_{digest}"
+    held = [p for p in sources if p.parent != Path(__file__).parent]
+    digest = hashlib.sha256(b"".join(p.read_bytes() for p in held)).hexdigest()[:16]
+    folder = (journal_path(0).parent / f"bench_{digest}").resolve()
     bench = Bench(folder, limit)
     if (folder / "prepared").exists():
         return bench.opened()

@@ -23,7 +23,8 @@ ROUNDING = 1e-9  # of a coordinate's largest value: relations that round, at mos
 class Changed:
     """A changed case. factor: of times, for accuracies h. back: its states (k, n) in the old ones.
 
-    impulse: factor of impulses, reaction of reactions; origin: its time t for the old time 0.
+    impulse: factor of impulses, reaction of reactions; origin: its time t for the old time 0;
+    stiffness: factor of a penalty's k.
     """
 
     case: Case
@@ -32,6 +33,7 @@ class Changed:
     impulse: float = 1.0
     reaction: float = 1.0
     origin: float = 0.0
+    stiffness: float = 1.0
 
 
 def _field(factory, M, inverse, shift, T, t0):
@@ -87,6 +89,7 @@ def units(case: Case, time: float = 1.0, length=1.0, gap: float = 1.0, origin: f
             p.d,
         )
         impulse = time
+        stiffness = 1.0 / gap
     elif isinstance(p, LCS):
         problem = LCS(
             (p.A * S[:, None]) / S / time,
@@ -97,16 +100,18 @@ def units(case: Case, time: float = 1.0, length=1.0, gap: float = 1.0, origin: f
             _curve(p.q, time, origin, 1.0),
         )
         impulse = time
+        stiffness = 1.0
     else:
         L = float(S[0])
         families = tuple(_family(c, L, gap, time, origin) for c in p.constraints)
         problem = Complementarity(_scalar(p.drift, L, time, origin, L / time), families)
         impulse = L / gap
+        stiffness = 1.0 / (time * gap**2)
     made = dataclasses.replace(
         case, problem=problem, x0=case.x0 * S, t=t, exact=None, exact_impulse=None,
         exact_events=None, distance=None, scale=None,
     )  # fmt: skip
-    return Changed(made, lambda x: x / S, time, impulse, S, origin)
+    return Changed(made, lambda x: x / S, time, impulse, S, origin, stiffness)
 
 
 def _family(c, L, gap, time, origin):
@@ -183,12 +188,11 @@ def doubled(case: Case) -> Changed:
     return Changed(case.replace(problem=problem, exact=None, exact_impulse=None))
 
 
-def run(case: Case, spec: str, accuracy: float | None = None, time: float = 1.0):
+def run(case: Case, spec: str, accuracy: float | None = None, time=1.0, stiffness=1.0):
     """Run a method at its default accuracy, or another one, in the units of the changed case."""
     method = get(spec)
     value = accuracy or method.default
-    gradient = isinstance(case.problem, Complementarity)
-    factor = {"h": time, "k": 1.0 / time if gradient else 1.0}.get(method.accuracy, 1.0)
+    factor = {"h": time, "k": stiffness}.get(method.accuracy, 1.0)
     return solve(case, spec, **{method.accuracy: value * factor})
 
 
@@ -204,7 +208,7 @@ def differences(case: Case, spec: str, changed: Changed, accuracy: float | None 
 
 def differences_from(case: Case, a, spec: str, changed: Changed, accuracy: float | None = None):
     """As `differences`, with the old run a at hand."""
-    b = run(changed.case, spec, accuracy, changed.time)
+    b = run(changed.case, spec, accuracy, changed.time, changed.stiffness)
     if a.status.code != b.status.code:
         return {"status": (a.status.code, b.status.code)}
     k = len(a.t)

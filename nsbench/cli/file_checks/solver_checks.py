@@ -17,7 +17,7 @@ from nsbench.case import Case, get_case
 from nsbench.measure import errors, fit_order
 from nsbench.reference import canonical, columns_of, listed_contacts, reference, spread
 from nsbench.report.expectations import find_expectation
-from nsbench.solvers.base import Solver
+from nsbench.solvers.base import Solver, default_accuracy
 from nsbench.solvers.scaled_run import ScaledRun
 from nsbench.study.describe import describe_case, describe_solver
 from nsbench.study.plan import ladder
@@ -66,11 +66,10 @@ def check_solver(name: str, say: Say) -> list[str]:
 
 def _check_run(case: Case, method: Solver) -> list[str]:
     """Check one run against the contract, and that it depends on nothing but its input."""
-    runs = [ScaledRun(method, case, method.default) for _ in range(2)]
+    value = default_accuracy(method, case)
+    runs = [ScaledRun(method, case, value) for _ in range(2)]
     found = [runs[0](), runs[0](), runs[1]()]
-    wrong = contract_violation(
-        case, runs[0].to_user_units(found[0]), method.accuracy, method.default
-    )
+    wrong = contract_violation(case, runs[0].to_user_units(found[0]), method.accuracy, value)
     if wrong:
         return [f"{case.key}: {wrong}"]
     for other, when in zip(found[1:], ("is called again", "is prepared again"), strict=True):

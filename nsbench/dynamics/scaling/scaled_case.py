@@ -93,7 +93,10 @@ class ScaledCase:
             lam=None if traj.lam is None else traj.lam * multiplier,
             lam_h=None if traj.lam_h is None else traj.lam_h * time,
             between=between and (instant(between[0]), between[1] * state, between[2] * impulse),
-            resolution=resolution and dataclasses.replace(resolution, step=resolution.step * time),
+            resolution=resolution
+            and dataclasses.replace(
+                resolution, step=resolution.step * time, stiffness=resolution.stiffness / time
+            ),
         )
 
 

@@ -11,11 +11,12 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.compilation.factories import as_numpy
-from nsbench.dynamics.length_scale import length_scale
-from nsbench.problem import LCS, Complementarity, Distance, Hybrid
+from nsbench.dynamics.scaling.scaled_case import scaled_case
+from nsbench.problem import LCS, Complementarity, Distance, Filippov, Hybrid
 from nsbench.solvers.base import Claims, Expect, Run, check_positive
 from nsbench.solvers.common.extrapolation import combined, weights
 from nsbench.solvers.common.initial_state import initial_state
+from nsbench.solvers.penalty.limits import limits_of, smallest_switch
 from nsbench.solvers.penalty.outcome import EXPLICIT, HIDDEN, build_trajectory
 from nsbench.trajectory import Status, Trajectory
 
@@ -27,6 +28,7 @@ LADDERS = ((30.0, 3840.0), (60.0, 7680.0), (30.0, 1920.0))
 STIFF = 2e3
 MIN_TOLERANCE = 1e-13  # rounding of 10^5 steps is a tenth of it
 DEFAULTS = (1e4, 1e4, 1e3)
+UNITS = 10.0  # log2 of the ratio of two units of k: round numbers in scenes of ordinary units
 LISTED = 6000  # listed constraints (all but hard pairs) whose impulses are integrated
 MEMORY = 1e9  # bytes of samples of one run
 MANY = 40  # hard particles up to which all pairs are visited
@@ -57,15 +59,16 @@ LAYERS = tuple(
 @dataclass(frozen=True)
 class Penalty:
     """x' = f + sum_k lam_k grad g_k with lam_k = k max(-g_k, 0); the error is O(1/k), the stiffness
-    O(k).
+    O(k). k has the unit 1 / time; of Filippov systems, 1 / unit of the switch. Default and ladder
+    are multiples of `accuracy_unit`.
 
     Filippov systems: the sign of a surface c becomes clip(k c, -1, 1), a layer of half-width eps =
     1/k. Impulses and reaction are integrated as further states. method: explicit "tsit5", "dopri8",
     "bosh3" (about k T / 3 steps), or implicit "kvaerno3", "kvaerno5" (dearer steps and 4 times the
     compile time, but their number grows little with k), or "auto": tsit5 or kvaerno5 by k and the
     number of states, named in stats["integrator"].
-    rtol and atol are those of the step control (1e-9, less where extrapolated; atol times the size
-    of motions far below 1), max_steps counts refused steps; of an implicit method, whose steps cost
+    rtol and atol are those of the step control (1e-9, less where extrapolated; atol in the user's
+    units where it is given, else times the size of each coordinate, nsbench.Scale), max_steps counts refused steps; of an implicit method, whose steps cost
     ten times as much, a tenth of it is taken.
 
     extrapolate: 1 gives 2 x(2k) - x(k), 2 also x(4k): powers 1/k and 1/k^2 of the error cancel, in
@@ -113,8 +116,19 @@ class Penalty:
         """The range of k of an order study."""
         return LADDERS[self.extrapolate]
 
+    def accuracy_unit(self, case: Case) -> float:
+        """Return the unit of k that a default and a ladder are stated in, a power of 2^10.
+
+        It is the one nearest to 1 over the time of the run, or to 1 over the smallest switch, whose
+        units k has: so a scene in nanoseconds or nanometres gets stiffnesses of its own.
+        """
+        size = float(case.t[-1] - case.t[0])
+        if isinstance(case.problem, Filippov):
+            size = smallest_switch(case)
+        return 2.0 ** (-UNITS * round(np.log2(size) / UNITS))
+
     def tolerance(self, name: str, k: float) -> float:
-        """Return rtol or atol: as given, or 1e-9.
+        """Return rtol or atol: as given, or 1e-9; k: in units of `accuracy_unit`.
 
         Where extrapolated, the largest tolerance that does not hide the claimed error k^-2 or k^-3.
         """
@@ -191,7 +205,8 @@ class Penalty:
     def prepare(self, case: Case, k: float) -> Run:
         k = check_positive("k", k)
         if self.method == "auto":
-            stiff = k * 2.0**self.extrapolate >= STIFF * (1.0 + (case.n / 20.0) ** 2)
+            own = k / self.accuracy_unit(case)
+            stiff = own * 2.0**self.extrapolate >= STIFF * (1.0 + (case.n / 20.0) ** 2)
             return replace(self, method="kvaerno5" if stiff else "tsit5").prepare(case, k)
         x0 = _start(case)
         if effect := _rounding_exceeds_layer(case, x0, k * 2.0**self.extrapolate):
@@ -239,7 +254,8 @@ def _rounding_exceeds_layer(case: Case, x0: np.ndarray, k: float) -> str:
             held[scene.gradient_entries(float(case.t[0]), x0, scene.all_static())[1]] = True
             force = k * float((rounded * held).max(initial=0.0))
             speed = float(np.abs(as_numpy(p.drift)(float(case.t[0]), x0.copy())).max(initial=0.0))
-            large = force > max(length_scale(case, x0), speed)
+            own = scaled_case(case)
+            large = force > max(own.length / own.time, speed)
             return f"makes forces of {force:.2g}" if large else ""
         switch = as_numpy(p.switch)
         sides = np.where(np.arange(case.n) % 2, 1.0, -1.0)
@@ -266,27 +282,23 @@ def _march(penalty: Penalty, case: Case, x0: np.ndarray, asked: float):
     """Return k -> samples and counts of a run, by the compiled program. Raises NotTraceable."""
     from nsbench.solvers.penalty.program import compiled
 
-    size = length_scale(case, x0) if penalty.atol is None else 1.0
-    limits = (
-        penalty.tolerance("rtol", asked),
-        penalty.tolerance("atol", asked) * size,
-        penalty.step_limit,
-    )
+    limits = limits_of(penalty, case, asked)
     if _uses_neighbor_lists(penalty, case):
         from nsbench.solvers.penalty.neighbor_segments import NeighborSegments
 
         segments = NeighborSegments(case, x0, penalty.method, penalty.reach)
-        return lambda k: segments.run(k, *limits)
+        return lambda k: segments.run(k, limits)
     program = compiled(case.problem, case.n, len(case.t), penalty.method, "pairs")
     n = case.n
     z0 = np.concatenate([x0, np.zeros(program.size)])
     forces = isinstance(case.problem, Complementarity)
 
+    atol = limits.absolute(program.size)
+
     def march(k: float) -> dict:
-        first = 0.1 * min(
-            case.t[1] - case.t[0], 1.0 / k
-        )  # within the stiffness; the controller lets it grow
-        out = program(z0, 1, case.t[0], first, case.t, k, *limits, ())
+        first = limits.first_step(case, k)
+        arguments = (limits.rtol, atol, limits.steps, ())
+        out = program(z0, 1, case.t[0], first, case.t, k, *arguments)
         z = out.pop("samples")
         way = out.pop("way")
         way = way[np.isfinite(way).all(axis=1)]

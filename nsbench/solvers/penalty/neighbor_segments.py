@@ -16,6 +16,7 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.dynamics.contacts.constraint_set import ConstraintSet
+from nsbench.solvers.penalty.limits import Limits
 from nsbench.solvers.penalty.program import compiled
 
 # capacities are multiples of it, so that few programs are compiled: discs of one size have 6 or 7
@@ -92,7 +93,7 @@ class NeighborSegments:
             for p, (_, _, N), c in zip(pairs, self.scene.hard, self.capacity, strict=True)
         )
 
-    def run(self, k: float, rtol: float, atol: float, max_steps: int) -> dict:
+    def run(self, k: float, limits: Limits) -> dict:
         """Return samples and counts of one run, in the form of the integrator."""
         n = self.case.n
         t = self.case.t
@@ -100,7 +101,8 @@ class NeighborSegments:
         z = self.x0
         listed = None
         force = np.zeros(n)
-        out = _start_counts(t, k)
+        out = {"i": 1, "t": t[0], "h": limits.first_step(self.case, k)}
+        out |= {"accepted": 0, "refused": 0, "longest": 0.0}
         X = np.full((len(t), n), np.nan)
         R = X.copy()
         X[0] = z
@@ -118,9 +120,9 @@ class NeighborSegments:
                 out["h"],
                 t,
                 k,
-                rtol,
-                atol,
-                max_steps - out["accepted"] - out["refused"],
+                limits.rtol,
+                limits.absolute(program.size),
+                limits.steps - out["accepted"] - out["refused"],
                 (tables, z[:n], self.travel),
             )
             rows = slice(int(before["i"]), int(out["i"]))
@@ -177,18 +179,6 @@ class NeighborSegments:
             columns.append(gained)
         order = sorted(range(len(names)), key=lambda c: names[c])
         return tuple(names[c] for c in order), np.concatenate(columns, axis=1)[:, order]
-
-
-def _start_counts(t, k: float) -> dict:
-    """Return the counts and the first step, within the stiffness, with which a run starts."""
-    return {
-        "i": 1,
-        "t": t[0],
-        "h": 0.1 * min(t[1] - t[0], 1.0 / k),
-        "accepted": 0,
-        "refused": 0,
-        "longest": 0.0,
-    }
 
 
 def _quadratures(program, listed, force, totals, tables) -> np.ndarray:

@@ -69,14 +69,16 @@ def build_trajectory(penalty: Penalty, case: Case, k: float, asked: float, out: 
 
 def _resolution(penalty, case: Case, k: float, asked: float) -> Resolution:
     """State the layer of switches, and which tolerance would hide the error that is claimed."""
-    claimed = asked ** -(1.0 + penalty.extrapolate)
+    own = asked / penalty.accuracy_unit(case)
+    claimed = own ** -(1.0 + penalty.extrapolate)
     # weights of an extrapolation amplify what the integrator leaves
     amplified = float(np.abs(weights(penalty.extrapolate)).sum())
     return Resolution(
         layer=1.0 / k if isinstance(case.problem, Filippov) else 0.0,
-        tolerance=max(penalty.tolerance("rtol", asked), penalty.tolerance("atol", asked)),
+        tolerance=max(penalty.tolerance("rtol", own), penalty.tolerance("atol", own)),
         claimed_error=claimed,
         max_tolerance=HIDDEN * claimed / amplified,
+        stiffness=0.0 if isinstance(case.problem, Filippov) else k,
     )
 
 

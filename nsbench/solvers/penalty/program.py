@@ -122,7 +122,7 @@ def _traced(problem, n, samples, method, style, capacity, particles):
             real(samples),
             real(),
             real(),
-            real(),
+            real(n + made.size),
             whole,
             near,
         )

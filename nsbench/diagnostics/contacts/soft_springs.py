@@ -1,0 +1,32 @@
+"""Check: springs in place of constraints that give way by a good part of the scene."""
+
+from __future__ import annotations
+
+from nsbench.case.scale import size_text, span_text, time_text
+from nsbench.diagnostics.base import Finding
+from nsbench.diagnostics.run_view import RunView
+
+SOFT = 0.25  # of own length: a violation beyond which no constraint is held
+SLOW = 1.0  # of own time: that in which a spring that pushes gives way, 1 / k
+
+
+def check_soft_springs(run: RunView) -> Finding | None:
+    """Find springs that hold no constraint: they give way by a quarter of own length, or push while
+    the time in which they give way, 1 / k, is longer than own time.
+
+    Errors are then as large as the motion. The start may violate constraints by itself.
+    """
+    k = run.resolution.stiffness
+    if not k:
+        return None
+    worst = 1 + int(run.violations[1:].argmax())
+    depth = float(run.violations[worst])
+    if not depth > (SOFT if k * SLOW > 1.0 else 0.0):
+        return None
+    return Finding(
+        "unverified",
+        f"Springs in place of constraints give way within 1 / k = {span_text(1.0 / k)}, and by "
+        f"{size_text(depth)} at t = {time_text(run.trajectory.t[worst], 6)}, where the scene moves "
+        f"within {span_text(1.0)}: no error of size 1 / k is claimed; take 1 / k below "
+        f"{span_text(min(1.0, SOFT / depth) / max(k, 1.0))}.",
+    )
