@@ -267,7 +267,8 @@ def integrator(slopes: Slopes, method: str, n: int, parts: int = 0) -> Callable:
     further than `reach` from base (n,). Right-hand sides beyond that are NaN, so that a step that
     asks for one is refused; the loop ends after a step beyond REST of it ("far"), or when such a
     step was refused ("cause" NOT_FINITE).
-    atol (size,). samples (K, size); way (parts, 1 + size): time and z after the last step in each of so many
+    atol (size,).
+    samples (K, size); way (parts, 1 + size): time and z after the last step in each of so many
     equal parts of ts, NaN where none ended.
     """
 

@@ -18,7 +18,8 @@ from nsbench.problem import Filippov
 if TYPE_CHECKING:
     from nsbench.solvers.penalty.method import Penalty
 
-FIRST = 0.1  # of the time between samples and of that of a spring or layer: the control lets it grow
+# of the time between samples and of that of a spring or layer: the control lets it grow
+FIRST = 0.1
 
 
 @dataclass(frozen=True)

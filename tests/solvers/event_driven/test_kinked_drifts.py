@@ -234,12 +234,12 @@ CASE = Case("slow", Filippov({{(1,): drift, (-1,): drift}}, lambda xp: lambda t,
             np.array([0.1, 0.0]), np.linspace(0.0, 1.0, 3))
 '''
 REFUSED = {
-    "xp.floor(x[0])": "floor cannot be traced; it has a jump in every period",
+    "xp.floor(x[0])": "cannot be traced; write its jumps with xp.where",
     "spline(x[0])": "xp.searchsorted and xp.take",
     "math.sin(x[0])": "write functions of xp",
     "1.0 if x[0] > 0.0 else 2.0": "write xp.where(c, a, b) for `if c`",
     "x.prod()": "the method prod of arrays cannot be traced",
-    "x[0] % 1.0": "remainder cannot be traced; it has a jump in every period",
+    "x[0] % 1.0": "cannot be traced; write its jumps with xp.where",
     "np.arange(3.0)[np.searchsorted(np.ones(2), x[0])]": "write xp.take(table, j) for table[j]",
     "xp.where(x[0] == 0.0, 0.0, 1.0)": "equality holds for no length of time",
     "xp.arctan2(x[0], 1.0)": "write arctan, as in",

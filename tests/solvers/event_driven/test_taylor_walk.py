@@ -140,7 +140,7 @@ def test_a_tape_that_is_not_the_case_is_not_used():
     shifty = lambda xp: lambda t, x: xp.array([1.0 if xp is np else 2.0, -1.0]) + 0.0 * x
     problem = Filippov({(1,): shifty, (-1,): shifty}, drift(lambda xp, t, x: x[1:2]))
     with pytest.raises(UntraceableError, match="differs"):
-        trace_programs(problem, 1, 0.0, np.array([0.0, 0.5]))
+        trace_programs(problem, 1, (0.0, 1.0), np.array([0.0, 0.5]))
 
 
 def fall(c, error=1e-14):

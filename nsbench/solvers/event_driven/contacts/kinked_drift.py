@@ -35,7 +35,8 @@ def trace_kinked_drift(case: Case) -> tuple[KinkedDrift | None, str]:
     """Trace the drift of a Complementarity case: its kinks, None if it has none or cannot be
     traced, and why it cannot."""
     drift = case.problem.drift
-    graph = Graph(case.n)
+    times = float(case.t[0]), float(case.t[-1])
+    graph = Graph(case.n, times)
     try:
         vector(graph, drift(SPACE)(*inputs(graph)), case.n)
     except Exception as e:  # user code, on arrays that it does not know
@@ -47,7 +48,7 @@ def trace_kinked_drift(case: Case) -> tuple[KinkedDrift | None, str]:
         switch=lambda xp: lambda t, x: np.zeros(0),
     )
     try:
-        programs = trace_programs(problem, 0, float(case.t[0]), case.x0)
+        programs = trace_programs(problem, 0, times, case.x0)
     except UntraceableError as e:
         return None, str(e)
     return KinkedDrift(programs), ""

@@ -53,7 +53,8 @@ def prepare(case: Case, options, tol: float) -> Run:
         reason = f"method={options.method} is set, and the compiled loop has its own integrator"
     if not reason:
         try:
-            programs = trace_programs(case.problem, field.d, float(case.t[0]), case.x0)
+            times = float(case.t[0]), float(case.t[-1])
+            programs = trace_programs(case.problem, field.d, times, case.x0)
             compiled = CompiledLoop(programs, case, options, tol)
         except UntraceableError as e:
             reason = str(e)

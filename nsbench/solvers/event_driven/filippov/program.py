@@ -29,6 +29,7 @@ from nsbench.solvers.event_driven.filippov.tracing.refusals import UNTRACEABLE, 
 from nsbench.solvers.event_driven.filippov.tracing.trace import SPACE, inputs, vector
 
 MOST_SURFACES = 4  # 2^d fields are traced
+APART = 0.7  # times between them
 PROBES = 5  # points at which the programs must agree with the case
 AGREEMENT = 1e-12  # relative to the largest entry: both round, in another order
 # orders of the series: below, more steps cost more than the terms they save
@@ -104,8 +105,10 @@ class UntraceableError(Exception):
     """A case has no programs; the message says why, with the line of the user's file."""
 
 
-def trace_programs(problem: Filippov, d: int, t0: float, x0: np.ndarray) -> TracedPrograms:
-    """Trace the programs of a Filippov problem with d surfaces.
+def trace_programs(
+    problem: Filippov, d: int, times: tuple[float, float], x0: np.ndarray
+) -> TracedPrograms:
+    """Trace the programs of a Filippov problem with d surfaces for a run between two times.
 
     Raises UntraceableError if it cannot be traced, or if the programs do not compute what the case
     computes.
@@ -115,7 +118,8 @@ def trace_programs(problem: Filippov, d: int, t0: float, x0: np.ndarray) -> Trac
             f"{d} switching surfaces have 2^{d} fields; up to {MOST_SURFACES} are traced"
         )
     n = x0.size
-    graph = Graph(n)
+    t0 = times[0]
+    graph = Graph(n, (t0, max(times[1], t0 + APART * PROBES)))
     try:
         outputs, geometry, sides = _trace(graph, problem, n, d)
         lists = [*outputs.values(), geometry]
@@ -165,7 +169,8 @@ def _trace(graph, problem, n, d):
         else:
             out = _free_outputs(graph, fields, c, q)
         if out:
-            needed = kinks.kinks_needed(graph, [k for k in out if k >= 0], rows)
+            # those of the switches too: a surface may jump away from what slides on it
+            needed = kinks.kinks_needed(graph, [k for k in (*out, *c) if k >= 0], rows)
             for k, pair in enumerate(watches):
                 out[n + d + 2 * k : n + d + 2 * k] = pair if k in needed else (-1, -1)
             outputs[q] = out
@@ -226,7 +231,7 @@ def _agrees(traced, problem, modes, sides, t0, x0) -> bool:
     one_sided = np.array([s is not None for s in sides], bool)
     for k in range(PROBES):
         scale = 0.3 * k * (1.0 + np.abs(x0).max(initial=0.0))
-        t = t0 + 0.7 * k
+        t = t0 + APART * k
         x = x0 + scale * rng.uniform(-1, 1, x0.size)
         if traced.places and not traced.place_kinks(t, x, V):
             continue

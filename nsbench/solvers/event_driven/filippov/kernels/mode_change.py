@@ -89,6 +89,41 @@ def reach_surface(run, i, fired, t):
     return surface_met(run.programs, t, motion.x, motion.mode, before, run.work.V, run.work.G)
 
 
+@inlined
+def log_event(run, i, old, new, t):
+    """Write down an event of surface i, from the mode `old` to `new`."""
+    e = run.counters[EVENTS]
+    run.records.log[e, 0] = t
+    run.records.log[e, 1] = run.motion.theta[i]
+    run.records.logged[e, SURFACE] = i
+    run.records.logged[e, MODE_BEFORE] = old
+    run.records.logged[e, MODE_AFTER] = new
+    run.counters[EVENTS] += 1
+    run.counters[MEETINGS] += 1
+
+
+@inner_kernel
+def is_beside(run, k, t):
+    """Is the state beyond rounding of surface k? work.G is left with the geometry there."""
+    x = run.motion.x
+    evaluate_geometry(run.programs, t, x, run.work.V, run.work.G)
+    return abs(run.work.G[k, x.size + 1]) > rounding_band(run.work.G, k, t, x, ARC_BAND)
+
+
+@inner_kernel
+def follow_jumps(run, t):
+    """Change the mode of each surface from which, or across which, its switch has jumped at a kink;
+    the events are noted."""
+    mode = run.motion.mode
+    n = run.motion.x.size
+    for k in range(mode.size):
+        side = np.sign(run.work.G[k, n + 1]) if is_beside(run, k, t) else 0.0
+        old = mode[k]
+        if side * old < 0.0 or (side != 0.0 and old == 0):
+            mode[k] = np.int64(side)
+            log_event(run, k, old, mode[k], t)
+
+
 @inner_kernel
 def pass_kink(run, m, i, kink, t):
     """Change the state of the kink with the watched function `kink`, counted from the first kink's,
@@ -96,7 +131,7 @@ def pass_kink(run, m, i, kink, t):
     weight that holds it there (the event is noted then), else NO_SURFACE."""
     motion = run.motion
     cross_kink(run.programs, kink)
-    if i < 0:
+    if i < 0 or is_beside(run, i, t):
         return np.int64(NO_SURFACE)
     longest = min(run.settings.longest_step, run.records.times[-1] - t)
     settle_kinks(run, m, kink // 2, t, longest)
@@ -158,16 +193,14 @@ def arm_watches(run, m, i, held, t):
 
 
 @inlined
-def log_event(run, i, old, new, t):
-    """Write down an event of surface i, from the mode `old` to `new`."""
-    e = run.counters[EVENTS]
-    run.records.log[e, 0] = t
-    run.records.log[e, 1] = run.motion.theta[i]
-    run.records.logged[e, SURFACE] = i
-    run.records.logged[e, MODE_BEFORE] = old
-    run.records.logged[e, MODE_AFTER] = new
-    run.counters[EVENTS] += 1
-    run.counters[MEETINGS] += 1
+def has_room(run):
+    """Can the log take an event of every surface? If not, the loop ends with the code FULL."""
+    counters = run.counters
+    if counters[EVENTS] + run.motion.mode.size <= run.records.log.shape[0]:
+        return True
+    counters[CODE] = FULL
+    counters[CARRY] = 0
+    return False
 
 
 @inlined
@@ -193,11 +226,7 @@ def change_mode(run, i, t, begun):
         if t >= run.records.times[-1]:
             counters[CODE] = END
             return False
-    if counters[EVENTS] == run.records.log.shape[0]:
-        counters[CODE] = FULL
-        counters[CARRY] = 0
-        return False
-    return True
+    return has_room(run)
 
 
 @inlined
@@ -211,6 +240,10 @@ def begin_arc(run, surface, held, t, begun):
     is_kinked = run.programs.kinks.state.size > 0
     if is_kinked:
         place_kinks(run.programs, motion.mode.size, held, t, motion.x, work.V, work.G)
+        if held >= 0 and surface == NO_SURFACE:
+            follow_jumps(run, t)
+            if not has_room(run):
+                return -1
     if surface != NO_SURFACE and not change_mode(run, surface, t, begun):
         return -1
     m = program_of_mode(run.modes.table, motion.mode)

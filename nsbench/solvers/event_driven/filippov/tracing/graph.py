@@ -56,11 +56,13 @@ MOST = 20_000  # nodes: beyond, the interpreter's table leaves the cache and tra
 class Graph:
     """Operations on n states and the time (node n); its methods return the node of a result.
 
-    Raises TypeError if there are too many operations, or a constant that is not finite.
+    times: first and last time of the run, between which periodic jumps are found. Raises TypeError
+    if there are too many operations, or a constant that is not finite.
     """
 
-    def __init__(self, n: int):
+    def __init__(self, n: int, times: tuple[float, float] = (0.0, 0.0)):
         self.n = n
+        self.times = times
         self.nodes = []
         self.known = {}
         self.total = []

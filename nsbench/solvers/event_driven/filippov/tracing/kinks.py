@@ -8,13 +8,24 @@ one of two nodes. So |a| is SELECT(-a, a) on the kink (a; 0), a table a LOOKUP o
 from __future__ import annotations
 
 import bisect
+import math
 from typing import NamedTuple
 
 import numpy as np
 
-from nsbench.solvers.event_driven.filippov.kernels.opcodes import AFFINE, SUB
+from nsbench.solvers.event_driven.filippov.kernels.opcodes import (
+    ADD,
+    AFFINE,
+    CONST,
+    DIV,
+    MUL,
+    SUB,
+)
 from nsbench.solvers.event_driven.filippov.tracing.graph import LOOKUP, SELECT, Graph
 from nsbench.solvers.event_driven.filippov.tracing.source_lines import calling_line
+
+MOST_JUMPS = 1_000_000  # of a floor in a run
+
 
 class Kink(NamedTuple):
     """Argument and breaks of a kink; place: the operation and line of the user's file."""
@@ -174,6 +185,55 @@ def interpolate(graph: Graph, a: int, x: np.ndarray, y: np.ndarray, ends: tuple)
     start = lookup(graph, k, [x[0], *x])
     rise = graph.mul(lookup(graph, k, slopes), graph.sub(a, start))
     return graph.add(lookup(graph, k, [left, *y[:-1], right]), rise)
+
+
+def floor(graph: Graph, a: int, what: str = "floor") -> int:
+    """Return the node of the largest whole number below a, a linear function of the time.
+
+    It is a constant per state of a kink that has all whole numbers of the run as its breaks.
+    """
+    if graph.value(a) is not None:
+        return graph.const(math.floor(graph.value(a)))
+    line = _line(graph, a)
+    if line is None:
+        raise TypeError(
+            f"{what} of what is no linear function of the time cannot be traced; write its jumps "
+            "with xp.where"
+        )
+    first, last = (line[0] * t + line[1] for t in graph.times)
+    low = math.floor(min(first, last))
+    count = math.ceil(max(first, last)) - low
+    if count > MOST_JUMPS:
+        raise TypeError(f"{what} with {count} jumps in the run: up to {MOST_JUMPS} are traced")
+    k = kink(graph, a, tuple(float(low + j) for j in range(1, count + 1)), what)
+    return lookup(graph, k, [low + j for j in range(count + 1)])
+
+
+def remainder(graph: Graph, a: int, b: int) -> int:
+    """Return the node of a - b floor(a / b)."""
+    return graph.sub(a, graph.mul(b, floor(graph, graph.div(a, b), "remainder")))
+
+
+def _line(graph, a) -> tuple[float, float] | None:
+    """Return (c, d) of a node that is c t + d with constants; None of any other."""
+    op, u, v, c, d = graph.nodes[a]
+    if op == CONST or a == graph.n:
+        return (0.0, c) if op == CONST else (1.0, 0.0)
+    first = _line(graph, u) if op in (AFFINE, ADD, SUB, MUL, DIV) else None
+    second = _line(graph, v) if op in (ADD, SUB, MUL, DIV) else (0.0, 0.0)
+    if first is None or second is None:
+        return None
+    if op == AFFINE:
+        return c * first[0], c * first[1] + d
+    if op in (ADD, SUB):
+        sign = 1.0 if op == ADD else -1.0
+        return first[0] + sign * second[0], first[1] + sign * second[1]
+    if op == MUL and first[0] == 0.0:
+        first, second = second, first
+    if second[0] != 0.0:
+        return None
+    factor = second[1] if op == MUL else 1.0 / second[1]
+    return first[0] * factor, first[1] * factor
 
 
 def watches(graph: Graph, k: int) -> tuple[int, int]:

@@ -6,7 +6,6 @@ import numpy as np
 
 from nsbench.solvers.event_driven.filippov.tracing import kinks
 from nsbench.solvers.event_driven.filippov.tracing.graph import Graph
-from nsbench.solvers.event_driven.filippov.tracing.refusals import PERIODIC
 from nsbench.solvers.event_driven.filippov.tracing.trace import (
     Traced,
     constant_table,
@@ -82,10 +81,14 @@ def _select(conditions, choices, default=0.0):
 
 
 def _interp(x, xp, fp, left=None, right=None, period=None):
-    if period is not None:
-        raise TypeError(f"interp with a period cannot be traced; {PERIODIC}")
     points = constant_table(xp)
     values = constant_table(fp)
+    if period is not None:
+        order = np.argsort(points % period)
+        points, values = (points % period)[order], values[order]
+        points = np.concatenate((points[-1:] - period, points, points[:1] + period))
+        values = np.concatenate((values[-1:], values, values[:1]))
+        x = np.remainder(x, float(period))
     f = lambda graph, a: kinks.interpolate(graph, a, points, values, (left, right))
     return elementwise(f)(x.graph, x)
 
@@ -143,6 +146,11 @@ UFUNCS = {
         np.tanh: Graph.tanh,
         np.arctan: Graph.arctan,
         np.hypot: lambda g, a, b: g.power(g.add(g.square(a), g.square(b)), _half(g)),
+        np.floor: kinks.floor,
+        np.ceil: lambda g, a: g.neg(kinks.floor(g, g.neg(a), "ceil")),
+        np.rint: lambda g, a: kinks.floor(g, g.add(a, _half(g)), "rint"),
+        np.remainder: kinks.remainder,
+        np.floor_divide: lambda g, a, b: kinks.floor(g, g.div(a, b), "floor_divide"),
         np.abs: kinks.absolute,
         np.fabs: kinks.absolute,
         np.sign: kinks.sign,

@@ -11,14 +11,11 @@ NO_NUMBER = (
     "xp, for a spline xp.searchsorted and xp.take"
 )
 SMOOTH = "write it with sqrt, exp, log, sin, cos, tan, sinh, cosh, tanh and arctan"
-PERIODIC = "it has a jump in every period; write those of the run with xp.where or xp.interp"
 # what to write for functions of numpy that cannot be traced
 REMEDIES = {
     "equal": "write < or >: equality holds for no length of time",
     "not_equal": "write < or >: equality holds for no length of time",
-    **dict.fromkeys(
-        ("floor", "ceil", "rint", "trunc", "fmod", "remainder", "floor_divide"), PERIODIC
-    ),
+    **dict.fromkeys(("trunc", "fmod"), "write it with floor or %"),
     **dict.fromkeys(("arcsinh", "arccosh", "arctanh", "cbrt"), SMOOTH),
     "arctan2": "write arctan, as in 2 * xp.arctan(y / (xp.hypot(x, y) + x)) for arctan2(y, x)",
     "sort": "write xp.minimum and xp.maximum of the entries",
