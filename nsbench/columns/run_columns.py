@@ -37,6 +37,14 @@ RUN = (
         "time in its step to which a multiplier of the method belongs: start, midpoint or end; "
         "mean: it is an average",
     ),
+    Column(
+        "claim_norm",
+        "run",
+        "word",
+        "",
+        "norm of an error that the method claims: coordinate: each one over its own size; length: "
+        "any coordinate over the one own length of a gradient system; empty: it claims an order",
+    ),
 )
 ENDING = (
     Column("status", "ending", "word", "", "how the run ended, one word of a closed list"),

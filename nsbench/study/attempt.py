@@ -12,6 +12,7 @@ from nsbench import solvers
 from nsbench.case import Case
 from nsbench.columns import reserved_names
 from nsbench.dynamics.scaling.estimate import case_scale
+from nsbench.problem import Complementarity
 from nsbench.solvers.base import Solver
 from nsbench.solvers.common.initial_state import InfeasibleStart
 from nsbench.solvers.scaled_run import ScaledRun
@@ -112,6 +113,9 @@ def _attempt(spec, announce):
         why = method.refuses(case)
         if why:
             return row | _status(Status("refused", why)), None
+        if method.claims.exact is not None:
+            gradients = isinstance(case.problem, Complementarity)
+            row["claim_norm"] = "length" if gradients else "coordinate"
         start = perturbed_start(
             case, spec.start_seed
         )  # measured against the solution from the case's own start

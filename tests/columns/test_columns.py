@@ -183,3 +183,19 @@ def test_folders_with_different_columns_stand_on_one_page():
 def test_the_page_of_columns_is_current():
     """python -m nsbench.columns.page > docs/columns.md"""
     assert (ROOT / "docs" / "columns.md").read_text(encoding="utf-8") == page.page()
+
+
+@pytest.mark.parametrize(
+    "case, solver, asked, norm",
+    (
+        ("tide", "event_driven", ("tol", 1e-10), "length"),
+        ("crossing", "event_driven", ("tol", 1e-10), "coordinate"),
+        ("tide", "pbd", ("h", 0.1), None),
+    ),
+)
+def test_a_row_says_in_which_norm_an_error_is_claimed(case, solver, asked, norm):
+    from nsbench.study.attempt import attempt
+    from nsbench.study.plan import Spec
+
+    row, _ = attempt(Spec(case, solver, *asked))
+    assert row.get("claim_norm") == norm

@@ -259,7 +259,7 @@ class _TimeLoop:
 def integrator(slopes: Slopes, method: str, n: int, parts: int = 0) -> Callable:
     """Return run(z0, i, t, h, ts, k, rtol, atol, max_steps, near) -> dict of samples and counts.
 
-    It goes from z0 at time t to ts[i] and on, with a first step h. Errors are controlled in the
+    It goes from z0 at time t to ts[i] and on, with a first step h; atol (size,). Errors are controlled in the
     maximum norm, so that many idle quadratures do not dilute one active. Steps are cut to end at
     samples (the uncut size is kept). Steps too short for floating point and max_steps end the loop
     early: "i" is then less than K, later samples are NaN.
@@ -267,7 +267,6 @@ def integrator(slopes: Slopes, method: str, n: int, parts: int = 0) -> Callable:
     further than `reach` from base (n,). Right-hand sides beyond that are NaN, so that a step that
     asks for one is refused; the loop ends after a step beyond REST of it ("far"), or when such a
     step was refused ("cause" NOT_FINITE).
-    atol (size,).
     samples (K, size); way (parts, 1 + size): time and z after the last step in each of so many
     equal parts of ts, NaN where none ended.
     """

@@ -68,8 +68,9 @@ class Penalty:
     compile time, but their number grows little with k), or "auto": tsit5 or kvaerno5 by k and the
     number of states, named in stats["integrator"].
     rtol and atol are those of the step control (1e-9, less where extrapolated; atol in the user's
-    units where it is given, else times the size of each coordinate, nsbench.Scale), max_steps counts refused steps; of an implicit method, whose steps cost
-    ten times as much, a tenth of it is taken.
+    units where it is given, else times the size of each coordinate, nsbench.Scale), max_steps
+    counts refused steps; of an implicit method, whose steps cost ten times as much, a tenth of it
+    is taken.
 
     extrapolate: 1 gives 2 x(2k) - x(k), 2 also x(4k): powers 1/k and 1/k^2 of the error cancel, in
     states, impulses and reaction alike. Between events the error has an expansion in powers of 1/k,
