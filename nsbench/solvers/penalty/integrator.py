@@ -259,10 +259,10 @@ class _TimeLoop:
 def integrator(slopes: Slopes, method: str, n: int, parts: int = 0) -> Callable:
     """Return run(z0, i, t, h, ts, k, rtol, atol, max_steps, near) -> dict of samples and counts.
 
-    It goes from z0 at time t to ts[i] and on, with a first step h; atol (size,). Errors are controlled in the
-    maximum norm, so that many idle quadratures do not dilute one active. Steps are cut to end at
-    samples (the uncut size is kept). Steps too short for floating point and max_steps end the loop
-    early: "i" is then less than K, later samples are NaN.
+    It goes from z0 at time t to ts[i] and on, with a first step h; atol (size,). Errors are
+    controlled in the maximum norm, so that many idle quadratures do not dilute one active. Steps
+    are cut to end at samples (the uncut size is kept). Steps too short for floating point and
+    max_steps end the loop early: "i" is then less than K, later samples are NaN.
     near: () or (lists, base, reach) where lists hold all that can touch while no coordinate is
     further than `reach` from base (n,). Right-hand sides beyond that are NaN, so that a step that
     asks for one is refused; the loop ends after a step beyond REST of it ("far"), or when such a
