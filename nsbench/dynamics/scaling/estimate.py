@@ -123,11 +123,12 @@ def _switches(p: Filippov | Hybrid) -> Callable:
     return lambda t, x: np.array([float(np.asarray(c(t, x)).item()) for c in guards])
 
 
-def switch_sizes(case: Case) -> np.ndarray:
-    """Return (d,) the sizes of the switches of a Filippov case in its own units.
+def switch_sizes(case: Case, lengths: np.ndarray | None = None) -> np.ndarray:
+    """Return (d,) the sizes of the switches of a Filippov case.
 
     The largest value at the start, at any of the times that are looked at, or change from there by
-    a coordinate of size one. Ones where a switch cannot be evaluated.
+    a coordinate of its size; lengths (n,): these sizes, one in own units. Ones where a switch
+    cannot be evaluated.
     """
     switch = as_numpy(case.problem.switch)
     t0 = float(case.t[0])
@@ -140,7 +141,7 @@ def switch_sizes(case: Case) -> np.ndarray:
     try:
         with np.errstate(all="ignore"):
             found = [at(t0 + part * span, x0) for part in LOOKS]
-            found += [at(t0, x0 + e) - found[0] for e in np.eye(x0.size)]
+            found += [at(t0, x0 + e) - found[0] for e in np.diag(np.ones(x0.size) if lengths is None else lengths)]
     except Exception:
         return np.ones(1)
     sizes = np.abs(np.array(found, float))

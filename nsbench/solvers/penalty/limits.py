@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.dynamics.scaling.estimate import switch_sizes
+from nsbench.dynamics.scaling.estimate import case_scale, switch_sizes
 from nsbench.dynamics.scaling.scaled_case import scaled_case
 from nsbench.problem import Filippov
 
@@ -72,5 +72,7 @@ def limits_of(penalty: Penalty, case: Case, asked: float) -> Limits:
 def smallest_switch(case: Case) -> float:
     """Return the size of the smallest switch of a Filippov case, in the user's unit; 1.0 if none
     has a size."""
-    sizes = switch_sizes(scaled_case(case).case)
+    # not rounded to powers of two, as own units are: the same in all units but for rounding
+    lengths = np.broadcast_to(case_scale(case).state, case.x0.shape)
+    sizes = switch_sizes(case, lengths)
     return float(np.min(sizes[sizes > 0.0], initial=np.inf)) if np.any(sizes > 0.0) else 1.0
