@@ -77,6 +77,54 @@ def test_the_unit_of_a_switch_changes_no_bit(name, spec, gap):
 
 
 @pytest.mark.long
+@pytest.mark.parametrize("gap", (2.0**40, 2.0**-40))
+@pytest.mark.parametrize("spec", ("event_driven", "pbd", "catching_up", "theta"))
+@pytest.mark.parametrize("name", ("wedge", "rods_wall"))
+def test_the_unit_of_a_constraint_changes_no_bit(name, spec, gap):
+    case = get_case(name)
+    found = changed_cases.differences(case, spec, changed_cases.units(case, gap=gap))
+    assert set(found.values()) == {0.0}, found
+
+
+# each: coordinates y = M x + shift, and the results that have the same names and directions there
+DISCS = {
+    "place": (np.eye(6), [3.0, -2.0] * 3, {"x", "impulse", "reaction", "events"}),
+    "rotation": (np.kron(np.eye(3), TURN), 0.0, {"x", "impulse", "events"}),
+    "labels": (np.kron(np.eye(3)[[1, 2, 0]], np.eye(2)), 0.0, {"x"}),
+}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("relation", DISCS)
+def test_discs_do_not_depend_on_place_direction_and_labels(relation):
+    M, shift, same = DISCS[relation]
+    case = get_case("three_discs")
+    found = changed_cases.differences(case, "event_driven", changed_cases.moved(case, M, shift))
+    assert max(found[k] for k in same) <= 1e-11, found
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    "labels, spec, other",
+    (
+        ([2, 1, 0], "pbd", "pbd[order=reverse]"),
+        ([1, 2, 0], "pbd[order=cell]", "pbd[order=cell]"),
+    ),
+)
+def test_labels_change_no_bit_where_the_sweep_has_the_same_order(labels, spec, other):
+    """Three discs numbered backwards are swept backwards; cells of the start know no labels."""
+    case = get_case("three_discs")
+    changed = changed_cases.moved(case, np.kron(np.eye(3)[labels], np.eye(2)), 0.0)
+    whole = solve(changed_cases.units(case).case, spec, h=0.01)
+    run = solve(changed.case, other, h=0.01)
+    of_old = {(0, i, j): (0, *sorted((labels[i], labels[j]))) for _, i, j in run.contacts}
+    assert np.array_equal(changed.back(run.x), whole.x)
+    assert {of_old[c] for c in run.contacts} == set(whole.contacts)
+    for k, c in enumerate(run.contacts):
+        assert np.array_equal(run.impulse[:, k], whole.impulse[:, whole.contacts.index(of_old[c])])
+
+
+@pytest.mark.long
 def test_a_doubled_constraint_gives_the_same_reaction():
     case = get_case("apple")
     for spec in ("event_driven", "catching_up", "theta", "pbd"):

@@ -135,10 +135,18 @@ def _family(c, L, gap, time, origin):
 
 
 def moved(case: Case, M: np.ndarray, shift) -> Changed:
-    """A Filippov system in the coordinates y = M x + shift, M orthogonal."""
+    """A system in the coordinates y = M x + shift, M orthogonal.
+
+    Of a gradient system M must leave its constraints as they are: hard particles of one size that
+    are turned together or exchanged.
+    """
     p = case.problem
     inverse = M.T
     shift = np.broadcast_to(np.asarray(shift, float), (case.n,)).copy()
+    if isinstance(p, Complementarity):
+        problem = Complementarity(_field(p.drift, M, inverse, shift, 1.0, 0.0), p.constraints)
+        made = case.replace(problem=problem, x0=M @ case.x0 + shift, exact=None, exact_impulse=None)
+        return Changed(made, lambda y: (y - shift) @ inverse.T)
     c = p.switch
 
     def switch(xp):
