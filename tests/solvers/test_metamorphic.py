@@ -223,3 +223,21 @@ def test_a_stated_scale_is_used():
 
     own = scaled_case(case.replace(scale=Scale(4.0, 8.0)))
     assert (own.time, own.state[0], own.case.x0[0], own.case.t[-1]) == (4.0, 8.0, 0.125, 0.25)
+
+
+@pytest.mark.parametrize("name", ("slide_exit", "stick_slip", "three_discs"))
+def test_a_clock_that_shows_late_times_rounds_only(name):
+    """Inputs are known to roundings of the time, 2e-12 at 1e4, wherever the run's own time
+    begins."""
+    case = get_case(name)
+    late = changed_cases.units(case, origin=1e4 * case.t[-1])
+    found = changed_cases.differences(case, "event_driven", late)
+    assert max(found.values()) <= 1e-9, found
+
+
+@pytest.mark.parametrize("gap", (2.0**10, 2.0**-10))
+def test_a_penalty_takes_a_constraint_in_any_unit(gap):
+    case = get_case("apple")
+    run = solve(changed_cases.units(case, gap=gap).case, "penalty")
+    plain = solve(case, "penalty")
+    assert run.status.ok and np.abs(run.x - plain.x).max() < 1e-3

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from nsbench.case.scale import size_text, span_text, time_text
 from nsbench.diagnostics.base import Finding
 from nsbench.diagnostics.run_view import RunView
+from nsbench.dynamics.contacts.tolerances import scene_of
 
 SOFT = 1.0  # of own length: a violation beyond which no constraint is held
 SLOW = 16.0  # of own time: that in which a spring that pushes gives way, 1 / k
@@ -21,7 +24,11 @@ def check_soft_springs(run: RunView) -> Finding | None:
     if not k:
         return None
     worst = 1 + int(run.violations[1:].argmax())
-    depth = float(run.violations[worst])
+    if not run.violations[worst] > 0.0:
+        return None
+    size = _gradient_of_worst(run, worst)
+    depth = float(run.violations[worst]) / size
+    k *= size**2  # the force of a gap g is k g times its gradient
     if not depth > (SOFT if SLOW * k > 1.0 else 0.0):
         return None
     return Finding(
@@ -31,3 +38,14 @@ def check_soft_springs(run: RunView) -> Finding | None:
         f"within {span_text(1.0)}: no error of size 1 / k is claimed; take 1 / k below "
         f"{span_text(min(1.0, SOFT / depth) / max(k, 1.0))}.",
     )
+
+
+def _gradient_of_worst(run: RunView, k: int) -> float:
+    """Return the 2-norm of the gradient of the constraint that sample k violates most."""
+    scene = scene_of(run.case)
+    t = float(run.trajectory.t[k])
+    x = run.trajectory.x[k]
+    near = scene.near(x, 0.0, t)
+    e = int(scene.gaps(t, x, near).argmin())
+    size = float(np.linalg.norm(scene.dense_gradients(t, x, near)[e]))
+    return size if size > 0.0 else 1.0

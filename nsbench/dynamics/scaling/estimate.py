@@ -141,7 +141,8 @@ def switch_sizes(case: Case, lengths: np.ndarray | None = None) -> np.ndarray:
     try:
         with np.errstate(all="ignore"):
             found = [at(t0 + part * span, x0) for part in LOOKS]
-            found += [at(t0, x0 + e) - found[0] for e in np.diag(np.ones(x0.size) if lengths is None else lengths)]
+            moves = np.diag(np.ones(x0.size) if lengths is None else lengths)
+            found += [at(t0, x0 + e) - found[0] for e in moves]
     except Exception:
         return np.ones(1)
     sizes = np.abs(np.array(found, float))

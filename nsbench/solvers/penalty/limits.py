@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from nsbench.case import Case
+from nsbench.dynamics.contacts.tolerances import scene_of
 from nsbench.dynamics.scaling.estimate import case_scale, switch_sizes
 from nsbench.dynamics.scaling.scaled_case import scaled_case
 from nsbench.problem import Filippov
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 
 # of the time between samples and of that of a spring or layer: the control lets it grow
 FIRST = 0.1
+
+ROUNDED_UP = 0.5  # own sizes are the next powers of two
 
 
 @dataclass(frozen=True)
@@ -61,12 +64,26 @@ def limits_of(penalty: Penalty, case: Case, asked: float) -> Limits:
     given = penalty.atol is not None
     return Limits(
         penalty.tolerance("rtol", k),
-        np.full(case.n, atol) if given else atol * own.state,
-        atol if given else atol * own.impulse,
+        np.full(case.n, atol) if given else atol * ROUNDED_UP * own.state,
+        atol if given else atol * ROUNDED_UP * own.impulse,
         not switches,
         penalty.step_limit,
         own.time / smallest_switch(case) if switches else 1.0,
     )
+
+
+def largest_gradient(case: Case) -> float:
+    """Return the 2-norm of the largest gradient of a constraint at the start; 1.0 if there is none.
+
+    A force is k times a gap times a gradient, so a constraint in another unit has k in another.
+    """
+    scene = scene_of(case)
+    with np.errstate(all="ignore"):
+        entries = scene.gradient_entries(float(case.t[0]), case.x0, scene.all_static())
+    row, _, values = entries
+    norms = np.sqrt(np.bincount(row, values**2)) if len(row) else np.zeros(0)
+    norms = norms[np.isfinite(norms) & (norms > 0.0)]
+    return float(norms.max()) if len(norms) else 1.0
 
 
 def smallest_switch(case: Case) -> float:

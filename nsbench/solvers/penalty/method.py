@@ -16,7 +16,7 @@ from nsbench.problem import LCS, Complementarity, Distance, Filippov, Hybrid
 from nsbench.solvers.base import Claims, Expect, Run, check_positive
 from nsbench.solvers.common.extrapolation import combined, weights
 from nsbench.solvers.common.initial_state import initial_state
-from nsbench.solvers.penalty.limits import limits_of, smallest_switch
+from nsbench.solvers.penalty.limits import largest_gradient, limits_of, smallest_switch
 from nsbench.solvers.penalty.outcome import EXPLICIT, HIDDEN, build_trajectory
 from nsbench.trajectory import Status, Trajectory
 
@@ -120,12 +120,14 @@ class Penalty:
     def accuracy_unit(self, case: Case) -> float:
         """Return the unit of k that a default and a ladder are stated in, a power of 2^10.
 
-        It is the one nearest to 1 over the time of the run, or to 1 over the smallest switch, whose
-        units k has: so a scene in nanoseconds or nanometres gets stiffnesses of its own.
+        It is the one nearest to 1 over the time of the run, over that times the squared gradient of
+        a constraint, or to 1 over the smallest switch, whose units k has: so a scene in nanoseconds
+        or nanometres gets stiffnesses of its own.
         """
-        size = float(case.t[-1] - case.t[0])
         if isinstance(case.problem, Filippov):
             size = smallest_switch(case)
+        else:
+            size = float(case.t[-1] - case.t[0]) * largest_gradient(case) ** 2
         return 2.0 ** (-UNITS * round(np.log2(size) / UNITS))
 
     def tolerance(self, name: str, k: float) -> float:
