@@ -113,7 +113,7 @@ def _attempt(spec, announce):
         why = method.refuses(case)
         if why:
             return row | _status(Status("refused", why)), None
-        if method.claims.exact is not None:
+        if getattr(getattr(method, "claims", None), "exact", None) is not None:
             gradients = isinstance(case.problem, Complementarity)
             row["claim_norm"] = "length" if gradients else "coordinate"
         start = perturbed_start(

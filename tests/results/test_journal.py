@@ -332,3 +332,27 @@ def test_a_line_that_no_journal_has_is_refused_by_its_number(tmp_path, monkeypat
         read_journal(tmp_path)
     assert main([*RUN, str(tmp_path)]) == 2
     assert "journal.jsonl is longer than 1000 bytes" in capsys.readouterr().err
+
+
+def test_a_row_is_on_the_disk_before_it_counts(tmp_path, monkeypatch):
+    synced = []
+    real = os.fsync
+    monkeypatch.setattr(os, "fsync", lambda number: synced.append(real(number)))
+    lines = Journal(tmp_path)
+    synced.clear()
+    lines.append("a", {"status": "ok"})
+    assert len(synced) == 1
+    lines.close()
+
+
+@pytest.mark.parametrize(
+    "row, timeout, final",
+    (
+        ({"status": "timeout"}, 0.5, False),  # of an older version: its limit is not known
+        ({"status": "timeout", "limit": 2.0}, 1.0, True),
+        ({"status": "timeout", "limit": 2.0}, 3.0, False),
+        ({"status": "timeout", "limit": 2.0}, None, False),
+    ),
+)
+def test_a_timeout_is_final_for_limits_up_to_its_own(row, timeout, final):
+    assert journal.settled(row, timeout) is final

@@ -9,6 +9,7 @@ import sys
 import time
 
 import numpy as np
+import pyarrow.parquet
 import pytest
 from solver_file import solver
 
@@ -296,3 +297,10 @@ def test_the_middle_of_a_long_sentence_is_left_out():
             and (" ... " in why) == (size > LONGEST)
         )
         assert size == 1 or why[-1] == "c"
+
+
+def test_a_missing_value_decides_no_type(tmp_path):
+    rows = [{"a": None, "b": None, "c": None}, {"a": 1.5, "b": "text", "c": True}]
+    tables.write_tables(tmp_path, rows)
+    schema = pyarrow.parquet.read_schema(tmp_path / "runs.parquet")
+    assert [str(f.type) for f in schema] == ["double", "string", "bool"]
