@@ -1,7 +1,7 @@
 """Characteristic length of a case that is run in the user's units, for absolute tolerances.
 
-It serves violations of constraints (dynamics.contacts.tolerances), the penalty method and implicit
-Euler. Methods that run in a case's own units have its Scale instead (dynamics.scaling).
+It serves violations of constraints (dynamics.contacts.tolerances) and implicit Euler. Methods that
+run in a case's own units have its Scale instead (dynamics.scaling).
 """
 
 from __future__ import annotations
