@@ -112,11 +112,12 @@ FAULTS = {
 
 def whole_copy(folder):
     """A copy of the checkout whose cases and references are its own, not those of the installed
-    package; one case is added."""
+    package; two cases are added."""
     copy(folder)
     for name in ("cases", "reference_solutions"):
         (folder / "nsbench" / name).symlink_to(folder / name)
-    shutil.copy2(HERE / "curved_floor.py", folder / "cases")
+    for name in ("curved_floor.py", "kinked_fields.py"):
+        shutil.copy2(HERE / name, folder / "cases")
 
 
 def python(folder, *args, kernels=None):

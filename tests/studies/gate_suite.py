@@ -23,6 +23,7 @@ CASES = (
     "duplicate",
     "slide_exit",
     "relay_lcs",
+    "kinked_fields",
     "curved_floor",
     "curved_floor[height=5.0]",
 )
