@@ -63,7 +63,8 @@ def rename_stores(store: Path, before: Path, after: Path) -> None:
     from numba.core.caching import _CacheLocator
 
     for place in {p.parent for p in (before / "nsbench").rglob("*.py")}:
+        moved = after / place.relative_to(before)
         old = _CacheLocator.get_suitable_cache_subpath(str(place / "x.py"))
-        new = _CacheLocator.get_suitable_cache_subpath(str(after / place.relative_to(before) / "x.py"))
+        new = _CacheLocator.get_suitable_cache_subpath(str(moved / "x.py"))
         if (store / old).is_dir():
             shutil.move(store / old, store / new)

@@ -3,13 +3,14 @@
     python tests/studies/mutants.py [--count 500] [--seed 1] [--rooms measure gate] [--minutes 60]
 
 Kinds: a changed operator or comparison, a changed constant, a shifted index, a dropped line
-(drawn_faults.py). Each mutant lies in a copy of the checkout. It is run against the quick tests that
-run its line (covering_tests.py; of compiled kernels, those of its callers), up to the first failure
-and to --limit seconds; if it survives, against the suite of gate_suite.py and its baseline, then
-against the long tests of its module. The copy, with its map of the tests and its compiled kernels, is
-kept in a folder of the user's cache, and outcomes are written to a journal there as they come: the
-same command goes on where the last one ended, --again starts anew. Prints the counts of each room,
-and all survivors with the reason that is known (EQUIVALENT); exit status 1 if there is one without.
+(drawn_faults.py). Each mutant lies in a copy of the checkout. It is run against the quick tests
+that run its line (covering_tests.py; of compiled kernels, those of its callers), up to the first
+failure and to --limit seconds; if it survives, against the suite of gate_suite.py and its baseline,
+then against the long tests of its module. The copy, with its map of the tests and its compiled
+kernels, is kept in a folder of the user's cache, and outcomes are written to a journal there as
+they come: the same command goes on where the last one ended, --again starts anew. Prints the counts
+of each room, and all survivors with the reason that is known (EQUIVALENT); exit status 1 if there
+is one without.
 """
 
 from __future__ import annotations
@@ -172,7 +173,9 @@ class Bench:
             out.append(test)
         return out
 
-    def tested(self, tests: list[str], marks: str, kernels: Path, seconds: float, without=(), first=True):
+    def tested(
+        self, tests: list[str], marks: str, kernels: Path, seconds: float, without=(), first=True
+    ) -> tuple[str, list[str]]:
         """Run tests, to the first failure or to the end: an outcome, and the tests that failed."""
         hangs = HANGS + self.limit * (marks == LONG)
         hangs += COMPILES * (kernels != self.folder / ".kernels")
@@ -277,7 +280,8 @@ def report(results: list[dict], count: int) -> int:
 
 def opened_bench(limit: float) -> Bench:
     """Return the bench of this checkout; it is made where none is kept, which takes minutes."""
-    sources = [p for top in ("nsbench", "tests", "cases") for p in sorted((ROOT / top).rglob("*.py"))]
+    tops = ("nsbench", "tests", "cases")
+    sources = [p for top in tops for p in sorted((ROOT / top).rglob("*.py"))]
     held = [p for p in sources if p.parent != Path(__file__).parent]
     digest = hashlib.sha256(b"".join(p.read_bytes() for p in held)).hexdigest()[:16]
     folder = (journal_path(0).parent / f"bench_{digest}").resolve()
@@ -293,7 +297,7 @@ def opened_bench(limit: float) -> Bench:
 
 
 def try_all(benches: list[Bench], todo: list[tuple], path: Path, until: float) -> dict[str, dict]:
-    """Try mutants on several benches at once, up to a time; every outcome is written as it comes."""
+    """Try mutants on several benches at once, up to a time; outcomes are written as they come."""
     found = {}
     queue = iter(todo)
     lock = threading.Lock()
@@ -308,7 +312,8 @@ def try_all(benches: list[Bench], todo: list[tuple], path: Path, until: float) -
             line = int(title.removeprefix(fault[0] + ":").partition(":")[0])
             began = time.monotonic()
             row = {"room": room, "title": title, "named": named(file, site)}
-            row |= bench.outcome(room, fault, line) | {"seconds": round(time.monotonic() - began, 1)}
+            row |= bench.outcome(room, fault, line)
+            row["seconds"] = round(time.monotonic() - began, 1)
             with lock:
                 found[title] = row
                 with open(path, "a", encoding="utf-8") as out:

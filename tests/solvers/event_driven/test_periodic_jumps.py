@@ -28,7 +28,8 @@ def buck(periods, ramp):
 
     def switch(xp):
         up = ramp(xp)
-        return lambda t, x: xp.stack((GAIN * (x[0] - WANTED) - LOW - (HIGH - LOW) * up(t / PERIOD),))
+        error = lambda x: GAIN * (x[0] - WANTED)
+        return lambda t, x: xp.stack((error(x) - LOW - (HIGH - LOW) * up(t / PERIOD),))
 
     times = np.linspace(0.0, periods * PERIOD, 41)
     return Case("buck", Filippov(None, switch, field, 1), START, times)
