@@ -7,13 +7,13 @@ runs of the unbroken bench under load, which it must let pass.
 Every fault is a replacement of text (some are two) in a copy of the checkout. The suite of
 gate_suite.py is run and calibrated on the unbroken copy, then run with every fault, and held
 against the unbroken one's baseline by `nsbench gate`; a fault is caught where that exits with 1 or
-4, or ends in an error of its own. A fault in the gate itself is caught as well where calibration
-and baseline of one method come out otherwise. Drawn faults (drawn_faults.py, with its seed) can lie
-in code that the suite never runs. A fault is looked for in the runs of the methods that import its
-file, or of all. --clean N runs the unbroken suite N times beside processes that keep every core
-busy (--busy: so many of them), and counts those that the gate does not let pass. WORD: only faults
-whose names hold one of them. Exit status 1 if a named fault went unseen, no longer applies, or a
-clean run was stopped.
+4, or ends in an error of its own or not at all. A fault in the gate itself is caught as well where
+calibration and baseline of one method come out otherwise. Drawn faults (drawn_faults.py, with its
+seed) can lie in code that the suite never runs. A fault is looked for in the runs of the methods
+that import its file, or of all. --clean N runs the unbroken suite N times beside processes that
+keep every core busy (--busy: so many of them), and counts those that the gate does not let pass.
+WORD: only faults whose names hold one of them. Exit status 1 if a named fault went unseen, no
+longer applies, or a clean run was stopped.
 """
 
 import argparse
@@ -33,6 +33,8 @@ from imports import reached
 from mutations import SWEEP
 
 HERE = Path(__file__).parent
+HANGS = 600  # seconds: a fault can make a loop endless
+NO_END = 124  # exit status of what was ended then, as that of timeout(1)
 ONE = ("tide", "pbd")  # case and method for which the gate itself is tried
 FAULTS = {
     "a prox dropped": SWEEP,
@@ -128,9 +130,13 @@ def python(folder, *args, kernels=None):
         "NUMBA_CACHE_DIR": str(kernels or folder / ".kernels"),
         "XDG_CACHE_HOME": str(folder / ".cache"),
     }
-    done = subprocess.run(
-        [sys.executable, *map(str, args)], cwd=folder, env=env, capture_output=True, text=True
-    )
+    command = [sys.executable, *map(str, args)]
+    try:
+        done = subprocess.run(
+            command, cwd=folder, env=env, capture_output=True, text=True, timeout=HANGS
+        )
+    except subprocess.TimeoutExpired:
+        return NO_END, f"does not end within {HANGS} s"
     return done.returncode, done.stdout + done.stderr
 
 
