@@ -71,15 +71,6 @@ CHECKS = (
         f"{infeasible_constraints.FAR_FEASIBLE:g} times the sum of violations",
     ),
     Check(
-        "soft_springs",
-        Complementarity,
-        soft_springs.check_soft_springs,
-        UNVERIFIED,
-        even_if_exact=True,
-        criterion="largest violation of a run whose constraints are springs > "
-        f"{soft_springs.SOFT:g} of own length, or > 0 and 1 / k > {soft_springs.SLOW:g} own time",
-    ),
-    Check(
         "passed_through",
         Complementarity,
         passed_through.check_passed_through,
@@ -95,6 +86,15 @@ CHECKS = (
         even_if_exact=True,
         criterion="gradient of a constraint that pushes <= "
         f"{degenerate_normal.VANISHING_GRADIENT:g} of its largest along the run",
+    ),
+    Check(
+        "soft_springs",
+        Complementarity,
+        soft_springs.check_soft_springs,
+        UNVERIFIED,
+        even_if_exact=True,
+        criterion="largest violation of a run whose constraints are springs > "
+        f"{soft_springs.SOFT:g} of own length, or > 0 and 1 / k > {soft_springs.SLOW:g} own time",
     ),
     Check(
         "flat_switch",
