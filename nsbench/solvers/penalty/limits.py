@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from nsbench.case import Case
-from nsbench.dynamics.contacts.tolerances import scene_of
 from nsbench.dynamics.scaling.estimate import case_scale, switch_sizes
 from nsbench.dynamics.scaling.scaled_case import scaled_case
-from nsbench.problem import Filippov
+from nsbench.problem import Affine, Filippov
 
 if TYPE_CHECKING:
     from nsbench.solvers.penalty.method import Penalty
@@ -73,15 +72,15 @@ def limits_of(penalty: Penalty, case: Case, asked: float) -> Limits:
 
 
 def largest_gradient(case: Case) -> float:
-    """Return the 2-norm of the largest gradient of a constraint at the start; 1.0 if there is none.
+    """Return the 2-norm of the largest gradient of an affine constraint; 1.0 if there is none.
 
     A force is k times a gap times a gradient, so a constraint in another unit has k in another.
+    Gradients of other constraints change along the motion.
     """
-    scene = scene_of(case)
-    with np.errstate(all="ignore"):
-        entries = scene.gradient_entries(float(case.t[0]), case.x0, scene.all_static())
-    row, _, values = entries
-    norms = np.sqrt(np.bincount(row, values**2)) if len(row) else np.zeros(0)
+    families = [c for c in case.problem.constraints if isinstance(c, Affine)]
+    row = [np.repeat(np.arange(c.shape[0]), np.diff(c.indptr)) for c in families]
+    squares = [np.bincount(i, c.data**2) for i, c in zip(row, families, strict=True)]
+    norms = np.sqrt(np.concatenate(squares)) if squares else np.zeros(0)
     norms = norms[np.isfinite(norms) & (norms > 0.0)]
     return float(norms.max()) if len(norms) else 1.0
 
