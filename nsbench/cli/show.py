@@ -69,6 +69,7 @@ def _write_player(case: Case, args, traj: Trajectory) -> Path:
     from nsbench.report.html_page import render_player_page
     from nsbench.report.scenes.player import MAX_STATE, collect_frames
     from nsbench.results.atomic_write import write_atomically
+    from nsbench.solvers.base import default_accuracy
 
     method = solvers.get(args.solver)
     value = read_accuracies(args).get(method.accuracy) or default_accuracy(method, case)

@@ -235,3 +235,9 @@ class Clip:
 
 SOLVER = Clip
 '''
+
+
+def test_a_player_of_a_default_accuracy_is_written(tmp_path):
+    page = tmp_path / "tide.html"
+    assert main(["show", "three_discs", "-s", "pbd", "--html", str(page)]) == 0
+    assert page.stat().st_size > 0
