@@ -24,6 +24,7 @@ CASES = (
     "slide_exit",
     "relay_lcs",
     "kinked_fields",
+    "kinked_fields[torn=true]",
     "curved_floor",
     "curved_floor[height=5.0]",
 )

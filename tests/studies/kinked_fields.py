@@ -3,9 +3,12 @@
     p' = p^(3/2), a' = |cos 2t|, b' = table(t), c' = 3t - floor(3t), e' = log(2 + t) + arctan t,
     h' = (3 + s) / 4 cosh t, k' = 1 / cosh(t)^2 + sin(2t) + tanh t + exp(-t), v' = 0.7
 
-s is the sign of v. A case of the gate's studies: no case of the catalogue has kinks, powers or
-tables.
+s is the sign of v. With `torn` there is also m' = sign(m) from m = 0 by `where`, no Filippov system:
+both signs go on, which is told. A case of the gate's studies: no case of the catalogue has kinks,
+powers or tables.
 """
+
+from functools import partial
 
 import numpy as np
 
@@ -16,12 +19,13 @@ HEIGHTS = (1.0, -0.5, 0.8, 0.2)
 CROSSED = 0.9  # time at which v = 0
 
 
-def field(xp):
+def field(xp, torn=False):
     knots = xp.array(KNOTS)
     heights = xp.array(HEIGHTS)
 
     def f(t, x, s):
         side = 0.75 + 0.25 * s[0]
+        jump = (xp.where(x[8] > 0.0, 1.0, -1.0),) if torn else ()
         return xp.stack(
             (
                 x[0] ** 1.5,
@@ -32,6 +36,7 @@ def field(xp):
                 side * xp.cosh(t),
                 1.0 / xp.cosh(t) ** 2 + xp.sin(2.0 * t) + xp.tanh(t) + xp.exp(-t),
                 0.7 + 0.0 * t,
+                *jump,
             )
         )
 
@@ -63,13 +68,19 @@ def exact(t):
     )
 
 
-def make() -> Case:
-    """Return the case over two units of time."""
+def exact_impulse(t):
+    """Integral of the sign's positive part (k, 1) at the times t (k,)."""
+    return np.maximum(np.asarray(t, float) - CROSSED, 0.0)[..., None]
+
+
+def make(torn: bool = False) -> Case:
+    """Return the case over two units of time; torn: no motion from its start is the only one."""
+    start = exact(0.0)
     return Case(
         name="kinked_fields",
-        problem=Filippov(None, switch, field, 1),
-        x0=exact(0.0),
+        problem=Filippov(None, switch, partial(field, torn=torn), 1),
+        x0=np.append(start, 0.0) if torn else start,
         t=np.linspace(0.0, 2.0, 33),
-        exact=exact,
-        exact_impulse=lambda t: np.maximum(np.asarray(t, float) - CROSSED, 0.0)[..., None],
+        exact=None if torn else exact,
+        exact_impulse=None if torn else exact_impulse,
     )

@@ -143,6 +143,12 @@ class CompiledLoop:
                 "and both sides lead to the jump: write it as a switching surface of a Filippov "
                 "system, whose sliding is defined.",
             )
+        if stop.code == codes.APART:
+            return Status(
+                "degenerate",
+                f"At t = {time_text(host.t)} the drift jumps at {self.programs.places[stop.fired]} "
+                "and both sides lead away from the jump: several motions start there.",
+            )
         size = np.abs(host.x).max(initial=0.0)
         vanishes = stop.code == codes.HARD and stop.fired == codes.STEP_VANISHES
         if vanishes and size > GROWTH * (1.0 + np.abs(host.case.x0).max(initial=0.0)):

@@ -141,15 +141,15 @@ def expand_motion(programs, m, t, x, settings, watches, longest, D):
 
 @inner_kernel
 def leads_away(run, m, t, longest):
-    """Does a kink have both states as the one in which the motion goes on from its start? Then the
-    drift jumps there, and the motion is not unique."""
+    """Return a kink that a motion leaves from its start in either state, or -1. The drift jumps
+    there, and the motion is not unique."""
     programs = run.programs
     x = run.motion.x
     D = run.work.D
     p = run.settings.order
     d = run.motion.mode.size
     watches = run.motion.armed.size
-    found = False
+    found = np.int64(-1)
     for k in range(programs.kinks.state.size):
         row = programs.outs[m, x.size + d + 2 * k]
         band = rounding_band(run.work.G, d + k, t, x, KINK_BAND)
@@ -161,7 +161,8 @@ def leads_away(run, m, t, longest):
             both = both and h > 0.0 and abs(D[row, 0]) <= band and D[row, 1] > 0.0
             both = both and lift_time(D, row, p, h, band) > 0.0
             cross_kink(programs, 2 * k)
-        found = found or both
+        if both:
+            found = k
     return found
 
 

@@ -15,6 +15,7 @@ STEPS = 3  # as many steps as are allowed were taken
 FULL = 4  # the event log is full
 START = 5  # the mode at the start is not certain
 KINK = 6  # the drift jumps at a kink, and both sides lead to it
+APART = 7  # the drift jumps at a kink at the start, and both sides lead away from it
 STEP_VANISHES = -3  # value of FIRED, with HARD: the step length is below rounding of the time
 
 # indices of the integer counters of a run

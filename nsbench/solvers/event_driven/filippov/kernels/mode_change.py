@@ -13,6 +13,7 @@ from nsbench.solvers.event_driven.filippov.kernels.kink_branches import (
     settle_kinks,
 )
 from nsbench.solvers.event_driven.filippov.kernels.loop_state import (
+    APART,
     ARCS,
     CARRY,
     CODE,
@@ -262,7 +263,10 @@ def begin_arc(run, surface, held, t, begun):
                 counters[CODE] = KINK
             counters[FIRED] = k
             return -1
-        if begun == CHOOSE_START and leads_away(run, m, t, longest):
+        k = leads_away(run, m, t, longest) if begun == CHOOSE_START else -1
+        if k >= 0:
+            counters[CODE] = APART
+            counters[FIRED] = k
             return -1
     if not arm_watches(run, m, i, held, t):
         return -1
