@@ -83,7 +83,7 @@ def is_in_view(page, element):
 @pytest.mark.long
 def test_nothing_is_fetched_and_nothing_is_said(page, file):
     cases = page.evaluate("nsbench.data.cases.map((one) => one.id)")
-    for element in ("explore-chart", "scatter-chart", "orders-chart", *cases):
+    for element in ("explore-chart", "scatter-chart", "bars-chart", "orders-chart", *cases):
         scroll_to(page, element)
         page.wait_for_timeout(150)
     page.wait_for_selector("#orders-chart[data-drawn]")
@@ -116,6 +116,17 @@ def test_ranking_counts_what_the_static_table_counts(page):
     for row in page.locator("#t-answer tbody tr").all():
         live[row.get_attribute("data-method")] = int(row.locator("td").nth(1).inner_text().split()[0])
     assert live and all(static[name] == count for name, count in live.items())
+
+
+def test_error_bars_stand_over_the_errors_of_their_runs(page):
+    points = "nsbench.drawn.get(document.getElementById('bars-chart')).spec.datasets.points"
+    scroll_to(page, "bars-chart")
+    page.wait_for_selector("#bars-chart[data-drawn=yes]")
+    runs = [one for one in page.evaluate(points) if one["kind"] == "run"]
+    assert runs and all(0.0 < one["x"] <= one["y"] for one in runs if one["bar"] == "bound")
+    page.select_option("#bars-metric", "force")
+    said = page.inner_text("#bars-chart")
+    assert said == "No run has both an error and an error bar of the reaction."
 
 
 def test_classes_and_words_select_cases(page):

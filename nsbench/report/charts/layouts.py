@@ -139,39 +139,44 @@ def scatter_chart(x_title: str, y_title: str) -> Spec:
     points: rows with case, group (problem class), x, y, kind ("case", or "equal" for the two ends
     of that line).
     """
+    group = {
+        "field": "group",
+        "type": "nominal",
+        "scale": {"range": list(PALETTE[:4])},
+        "legend": {"title": None, "orient": "bottom"},
+    }
+    return _beside_equal("case", x_title, y_title, {"color": group}, ["case"], ZOOM)
+
+
+def error_bar_chart(methods: Methods, x_title: str, y_title: str) -> Spec:
+    """Lay out error bars over the errors of the same runs, with the line where they are equal.
+
+    points: rows with method, case, h, x (error), y (error bar), bar ("bound", "estimate"), kind
+    ("run", or "equal" for the two ends of that line). Below the line lies a bar that is too small.
+    """
+    shape = {
+        "field": "bar",
+        "type": "nominal",
+        "scale": {"domain": ["bound", "estimate"], "range": ["circle", "triangle-up"]},
+        "legend": {"title": None, "orient": "bottom"},
+    }
+    look = {"color": _colour(methods), "shape": shape, "opacity": _opacity()}
+    return _beside_equal("run", x_title, y_title, look, ["case", "method", "h", "bar"], PICK, ZOOM)
+
+
+def _beside_equal(kind: str, x_title: str, y_title: str, look: Spec, tips: list, *params) -> Spec:
+    """A chart of one number over another, both logarithmic, and the line where they are equal."""
     x = _logarithmic("x", x_title)
     y = _logarithmic("y", y_title)
-    return _chart(
-        [
-            _layer(
-                "equal",
-                {"type": "line", "color": "#808080", "strokeDash": [2, 3]},
-                {"x": x, "y": y},
-            ),
-            {
-                "params": [ZOOM],
-                **_layer(
-                    "case",
-                    {"type": "point", "size": 60, "filled": True, "opacity": 0.85},
-                    {
-                        "x": x,
-                        "y": y,
-                        "color": {
-                            "field": "group",
-                            "type": "nominal",
-                            "scale": {"range": list(PALETTE[:4])},
-                            "legend": {"title": None, "orient": "bottom"},
-                        },
-                        "tooltip": [
-                            {"field": "case"},
-                            {"field": "x", "title": x_title, "format": ".3~g"},
-                            {"field": "y", "title": y_title, "format": ".3~g"},
-                        ],
-                    },
-                ),
-            },
-        ]
-    )
+    tooltip = [{"field": name} for name in tips]
+    tooltip += [
+        {"field": "x", "title": x_title, "format": ".3~g"},
+        {"field": "y", "title": y_title, "format": ".3~g"},
+    ]
+    line = {"type": "line", "color": "#808080", "strokeDash": [2, 3]}
+    mark = {"type": "point", "size": 60, "filled": True, "opacity": 0.85}
+    points = _layer(kind, mark, {"x": x, "y": y, **look, "tooltip": tooltip})
+    return _chart([_layer("equal", line, {"x": x, "y": y}), {"params": list(params), **points}])
 
 
 def order_chart(methods: Methods, title: str, cases: int) -> Spec:

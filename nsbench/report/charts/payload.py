@@ -14,10 +14,11 @@ import math
 
 import numpy as np
 
-from nsbench.report.charts.bar_texts import describe_bars
+from nsbench.report.charts.bar_texts import QUANTITIES, error_bars, measurable
 from nsbench.report.charts.layouts import (
     METRICS,
     curve_chart,
+    error_bar_chart,
     error_chart,
     order_chart,
     profile_chart,
@@ -124,6 +125,7 @@ def payload(content: Content) -> dict:
             "error": error_chart(methods, "", ""),
             "profile": profile_chart(methods),
             "scatter": scatter_chart("", ""),
+            "bars": error_bar_chart(methods, "error in the 2-norm", "error bar"),
             "order": order_chart(methods, "order of convergence", len(cases)),
             "curve": curve_chart(""),
         },
@@ -140,8 +142,9 @@ def _pair(summary: Summary, case: int, method: int) -> dict:
     """One method on one case: its runs by column, its orders, and its cost at every target.
 
     cost: one entry per target, null where the error is not reached, else [seconds, lower quartile,
-    upper quartile, step, 1 if these are upper bounds]. bars: error bars in words, by metric, of
-    those that have some.
+    upper quartile, step, 1 if these are upper bounds]. bars: by metric, of those that have some,
+    one entry per run: null, or [kind, error bar, error, 1 if that error is measurable], both in the
+    2-norm.
     """
     runs = summary.runs
     kept = np.unique(np.linspace(0, len(runs) - 1, min(len(runs), MAX_RUNS)).astype(int))
@@ -174,14 +177,20 @@ def _pair(summary: Summary, case: int, method: int) -> dict:
     return out
 
 
-def _bars(runs: Runs, columns: dict[str, str], kept: np.ndarray) -> dict[str, list[str]]:
-    """Error bars of the kept runs in words, by metric; columns: the column of each metric."""
+def _bars(runs: Runs, columns: dict[str, str], kept: np.ndarray) -> dict[str, list]:
+    """Error bars of the kept runs, by metric; columns: the column of each metric."""
     found = {}
     for metric, column in columns.items():
-        texts = describe_bars(runs, column)
-        if any(texts):
-            found[metric] = [texts[k] for k in kept]
+        bars = error_bars(runs, column)
+        if any(bars):
+            seen = measurable(runs, QUANTITIES[column])
+            found[metric] = [_bar(bars[k], seen[k]) for k in kept]
     return found
+
+
+def _bar(bar: tuple[str, float, float] | None, seen: bool) -> list | None:
+    """[kind, error bar, error, is it measurable?] of a run, null for one without a bar."""
+    return None if bar is None else [bar[0], _number(bar[1]), _number(bar[2]), int(seen)]
 
 
 def _order(order: Order) -> list | None:

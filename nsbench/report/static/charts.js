@@ -47,6 +47,15 @@ const nsbench = {
     return `${nsbench.format(value / scale)} ${unit}`;
   },
 
+  // An error bar, [kind, error bar, error, ...], in words; "" without one.
+  barText(bar) {
+    if (!bar) {
+      return "";
+    }
+    const error = bar[2] === null ? "not known" : nsbench.format(bar[2]);
+    return `error bar (${bar[0]}) ${nsbench.format(bar[1])}, error ${error}`;
+  },
+
   // The marker of a method in its colour, as in the static tables.
   chip(method) {
     const known = nsbench.data.methods[method];
@@ -180,7 +189,7 @@ const nsbench = {
         const found = pair[y].map((error, k) => (pair.good[k] && error > 0 ? error : Infinity));
         const least = Math.min(...found);
         if (least < Infinity) {
-          const bar = pair.bars[y]?.[found.indexOf(least)] || "none";
+          const bar = nsbench.barText(pair.bars[y]?.[found.indexOf(least)]) || "none";
           rows.push({ method, kind: "level", y: least, status: "ok", bar });
         }
         continue;
@@ -191,7 +200,7 @@ const nsbench = {
         if (!(at > 0)) {
           return;
         }
-        const bar = pair.bars[y]?.[k] || "none";
+        const bar = nsbench.barText(pair.bars[y]?.[k]) || "none";
         const row = { method, x: at, h: pair.h[k], seconds: pair.seconds[k], status, bar };
         if (pair.good[k] && error !== null) {
           rows.push({ ...row, y: error, kind: error > 0 ? "error" : "zero" });

@@ -135,6 +135,39 @@ const explore = {
     nsbench.whenSeen(chart, draw);
   },
 
+  // Error bars over errors; a point below the line is a bar that is too small.
+  startBars() {
+    const chart = document.getElementById("bars-chart");
+    const metric = document.getElementById("bars-metric");
+    if (!chart) {
+      return; // no run has an error bar
+    }
+    const draw = () => {
+      const rows = [];
+      for (const pair of nsbench.data.pairs) {
+        const named = { method: nsbench.data.methods[pair.m].name };
+        named.case = nsbench.data.cases[pair.c].name;
+        (pair.bars[metric.value] ?? []).forEach((bar, k) => {
+          if (bar?.[3] && bar[1] > 0) {
+            rows.push({ kind: "run", ...named, h: pair.h[k], bar: bar[0], x: bar[2], y: bar[1] });
+          }
+        });
+      }
+      const what = metric.selectedOptions[0].textContent;
+      if (!rows.length) {
+        return nsbench.say(chart, `No run has both an error and an error bar of the ${what}.`);
+      }
+      const all = rows.flatMap((row) => [row.x, row.y]);
+      for (const end of [Math.min(...all), Math.max(...all)]) {
+        rows.push({ kind: "equal", x: end, y: end });
+      }
+      return nsbench.draw(chart, nsbench.spec("bars", rows),
+        `Error bars of the ${what} over the errors of the same runs, one point for each run.`);
+    };
+    metric.addEventListener("input", draw);
+    nsbench.whenSeen(chart, draw);
+  },
+
   startOrders() {
     const chart = document.getElementById("orders-chart");
     const metric = document.getElementById("orders-metric");
@@ -198,7 +231,7 @@ const explore = {
             nsbench.make("td", { class: "number" }, column ? nsbench.format(column[k]) : status));
           cells.at(-1).append(...(part ? [nsbench.make("small", {}, part)] : []));
           cells.push(nsbench.make("td", { class: "number" }, nsbench.seconds(pair.seconds[k])));
-          const bar = pair.bars.state?.[k];
+          const bar = nsbench.barText(pair.bars.state?.[k]);
           if (barred) {
             cells.push(nsbench.make("td", bar ? {} : { class: "quiet" }, bar || "no error bar"));
           }

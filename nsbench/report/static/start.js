@@ -11,6 +11,7 @@ nsbench
       answer.start();
       explore.startErrors();
       explore.startScatter();
+      explore.startBars();
       explore.startOrders();
       explore.startCases();
       explore.startKeys();

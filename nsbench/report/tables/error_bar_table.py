@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from nsbench.report.charts.bar_texts import KINDS, measurable
 from nsbench.report.data import Runs
 from nsbench.report.style import format_number
 from nsbench.report.summary import Summary
 from nsbench.report.tables.cells import Cell, Row, Table
-
-EXACT = 1e-9  # of the size of the quantity: a smaller error is none that a method makes
-KINDS = ("bound", "estimate")
 
 
 def error_bar_table(summaries: dict[tuple, Summary]) -> Table:
@@ -58,10 +56,8 @@ def _range(runs: Runs, kind: str, quantity: str) -> Cell:
     """The range of the effectivities; a bound below the error is marked."""
     bar = runs.col[f"{kind}_{quantity}"]
     error = runs.col[f"{quantity}_norm"]
-    with np.errstate(all="ignore"):
-        seen = runs.good & (error > EXACT * runs.scale(f"{quantity}_norm"))
-        seen &= error > runs.floor(f"{quantity}_norm")
-        ratio = (bar / error)[seen & np.isfinite(bar)]
+    seen = measurable(runs, quantity) & np.isfinite(bar)
+    ratio = bar[seen] / error[seen]
     if not len(ratio):
         return Cell("no error to compare with", kind="quiet")
     low = float(ratio.min())
