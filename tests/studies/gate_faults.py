@@ -122,9 +122,9 @@ def whole_copy(folder):
         shutil.copy2(HERE / name, folder / "cases")
 
 
-def python(folder, *args, kernels=None):
+def python(folder, *args, kernels=None, seconds=None):
     """Exit status and output of Python in a copy, with caches of its own; kernels: the folder of
-    compiled kernels."""
+    compiled kernels; seconds: after which it is ended."""
     env = os.environ | {
         "PYTHONPATH": str(folder),
         "NUMBA_CACHE_DIR": str(kernels or folder / ".kernels"),
@@ -133,22 +133,23 @@ def python(folder, *args, kernels=None):
     command = [sys.executable, *map(str, args)]
     try:
         done = subprocess.run(
-            command, cwd=folder, env=env, capture_output=True, text=True, timeout=HANGS
+            command, cwd=folder, env=env, capture_output=True, text=True, timeout=seconds
         )
     except subprocess.TimeoutExpired:
-        return NO_END, f"does not end within {HANGS} s"
+        return NO_END, f"does not end within {seconds} s"
     return done.returncode, done.stdout + done.stderr
 
 
-def suite(folder, *options, methods=METHODS, kernels=None):
+def suite(folder, *options, methods=METHODS, kernels=None, seconds=None):
     """Run the suite in a copy; its results lie in the folder `results` there, and no older ones."""
     chosen = [word for m in methods for word in ("-s", m)]
     results = folder / "results"
     shutil.rmtree(results, ignore_errors=True)
-    return python(folder, HERE / "gate_suite.py", results, *chosen, *options, kernels=kernels)
+    script = HERE / "gate_suite.py"
+    return python(folder, script, results, *chosen, *options, kernels=kernels, seconds=seconds)
 
 
-def baseline(folder, name="baseline.csv"):
+def baseline(folder, name="baseline.csv", seconds=None):
     """The baseline of the results in a copy."""
     path = folder / name
     path.unlink(missing_ok=True)
@@ -156,16 +157,16 @@ def baseline(folder, name="baseline.csv"):
         ("calibrate", folder / "results", "-j", "1"),
         ("gate", folder / "results", "--baseline", path, "--update", "--reason", "unbroken"),
     ):
-        status, said = python(folder, "-m", "nsbench", *args)
+        status, said = python(folder, "-m", "nsbench", *args, seconds=seconds)
         if status:
             raise ChildProcessError(f"{args[0]}: {said.strip()[-300:]}")
     return path
 
 
-def baseline_of_one(folder) -> str:
+def baseline_of_one(folder, seconds=None) -> str:
     """The text of a baseline that is made anew of one case and method."""
-    suite(folder, "--cases", ONE[0], methods=ONE[1:])
-    return baseline(folder, "one.csv").read_text(encoding="utf-8")
+    suite(folder, "--cases", ONE[0], methods=ONE[1:], seconds=seconds)
+    return baseline(folder, "one.csv", seconds).read_text(encoding="utf-8")
 
 
 def methods_of(files):
@@ -203,10 +204,11 @@ def attempt(folder, path, replacements, one, kernels=None) -> tuple[int, str]:
         else:
             kernels = None
         lines = lines_of(methods, path, Path(scratch) / "baseline.csv")
-        status, said = suite(folder, "--baseline", lines, methods=methods, kernels=kernels)
+        options = {"methods": methods, "kernels": kernels, "seconds": HANGS}
+        status, said = suite(folder, "--baseline", lines, **options)
         if not status and any(f.startswith("nsbench/gate/") for f in files):
             try:
-                status = int(baseline_of_one(folder) != one)
+                status = int(baseline_of_one(folder, HANGS) != one)
             except ChildProcessError as e:
                 status, said = 1, str(e)
     return status, (said.strip().splitlines() or ["nothing"])[-1]
