@@ -39,7 +39,7 @@ def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
         say("None of them keeps this error, as far as is known.")
     else:
         say(
-            f"Take {best.method} with {best.name} = {best.accuracy:.3g}: {best.seconds:.2g} s a "
+            f"Take {best.method} with {best.name} = {best.accuracy:.4g}: {best.seconds:.2g} s a "
             f"run, {best.sure}."
         )
     return FINE if best else FAILED

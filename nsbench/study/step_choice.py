@@ -1,9 +1,11 @@
 """Choose the accuracy of a method for an error that is asked for, without a reference.
 
 Methods with error bars (nsbench.error_bars) are run with long steps, then with the steps at which
-their bar would be the error asked for. Of any other method the difference of two runs, with a step
-and with half of it, estimates the error of the second: of order one it is that error, of a higher
-order more. Methods that control their error by a tolerance are run at their default one, and what
+their bar would be the error asked for. Of any other method two runs with shorter steps are compared
+with it: the difference over 1 - (their step) / (the step) estimates its error, exactly for order
+one, from above for a higher order; the larger one counts. The steps are not halved: where a method
+chatters about a surface, some step and half of it can both end on that surface by chance, and no
+other step does. Methods that control their error by a tolerance are run at their default one, and what
 they claim is taken.
 """
 
@@ -27,11 +29,14 @@ from nsbench.trajectory import Trajectory
 SAFETY = 0.8  # of the error asked for, which the next run is to have
 LEAST = 1.0 / 32.0  # an accuracy changes by no more at once: what is known of it is not local
 RUNS = 14
+DIGITS = 3  # of a step
+ROUNDING = 1e-9  # of a number of steps between samples
+SHORTER = (0.72, 0.55)  # of a step: those of the runs with which its run is compared
 FIRST_STEPS = 32  # of the first run, at least
 MOST_STEPS = 5_000_000
 PROVEN = "proven bound"
 ESTIMATED = "estimate"
-HALVED = "estimate from half the step"
+COMPARED = "estimate from shorter steps"
 CLAIMED = "claimed by the method"
 
 
@@ -150,7 +155,7 @@ class _Search:
 
     def choice(self) -> Choice:
         """Search, and describe the first accuracy that is enough."""
-        value = self.first
+        value = self._printed(self.first)
         last = ""
         for _ in range(RUNS):
             run, found, ratio = self._tried(value)
@@ -160,10 +165,17 @@ class _Search:
             if not found.is_found and not np.isfinite(ratio):
                 ratio = SAFETY / 0.5  # a run that failed says nothing of how much is missing
             change = min(max(SAFETY / ratio, LEAST), 0.75)
-            value = value / change if self.by_stiffness else value * change
+            value = self._printed(value / change if self.by_stiffness else value * change)
             if self._is_too_long(value):
                 break
         return Choice(self.spec, self.method.accuracy, why=f"Not reached: {last}.")
+
+    def _printed(self, value: float) -> float:
+        """Round to the digits that are printed, to the side of the smaller error: what is printed
+        is what was run."""
+        unit = 10.0 ** (math.floor(math.log10(value)) - DIGITS + 1)
+        rounded = math.ceil if self.by_stiffness else math.floor
+        return float(f"{rounded(value / unit) * unit:.{DIGITS - 1}e}")
 
     def _is_too_long(self, value: float) -> bool:
         span = float(self.case.t[-1] - self.case.t[0])
@@ -177,11 +189,11 @@ class _Search:
         if not traj.status.ok:
             return run, known, math.inf
         has_bars = getattr(self.method, "has_error_bars", False)
-        bars = traj.bound if has_bars else self._halved(value, traj)
+        bars = traj.bound if has_bars else self._compared(value, traj)
         if bars is None or not np.isfinite(np.max(bars.state)):
-            why = bars.why if bars is not None else "the run with half the step failed"
+            why = bars.why if bars is not None else "a run with a shorter step failed"
             return run, Choice(self.spec, self.method.accuracy, why=why), math.inf
-        sure = HALVED if not has_bars else PROVEN if bars.is_proven else ESTIMATED
+        sure = COMPARED if not has_bars else PROVEN if bars.is_proven else ESTIMATED
         error = float(np.max(bars.state))
         violation = _violation(self.case, traj)
         found = Choice(
@@ -199,25 +211,45 @@ class _Search:
         over = violation / self.demand.overlap if np.isfinite(self.demand.overlap) else 0.0
         return run, found, max(error / self.demand.error, over)
 
-    def _halved(self, value: float, traj: Trajectory) -> ErrorBars | None:
-        """Return twice the difference to a run with half the step as error bars of `traj`."""
+    def _finer(self, value: float, part: float) -> float:
+        """Return an accuracy at which about `part` of the step is taken, or of 1 / k.
+
+        An odd number of steps between samples is compared with even ones, and an even one with odd
+        ones: a method that chatters is back on the surface after every second step.
+        """
+        if self.by_stiffness:
+            return value / part
+        spacing = float(np.diff(self.case.t).min())
+        steps = math.ceil(spacing / value * (1.0 - ROUNDING))
+        more = math.ceil(steps / part)
+        return spacing / (more + 1 if more % 2 == steps % 2 else more)
+
+    def _compared(self, value: float, traj: Trajectory) -> ErrorBars | None:
+        """Return error bars of `traj` from runs with shorter steps; None if one of them failed."""
         from nsbench.error_bars import Bars
 
-        finer = 2.0 * value if self.by_stiffness else 0.5 * value
-        other = ScaledRun(self.method, self.case, finer)
-        half = other.check_and_convert(other())
-        if not half.status.ok:
-            return None
-        state = 2.0 * np.linalg.norm(traj.x - half.x, axis=1)
-        nothing = np.full(len(state), np.nan)
-        reaction = nothing
-        if traj.reaction.size and traj.reaction.shape == half.reaction.shape:
-            reaction = 2.0 * np.linalg.norm(traj.reaction - half.reaction, axis=1)
-        impulse = nothing
-        if traj.contacts == half.contacts:
-            impulse = 2.0 * np.linalg.norm(traj.impulse - half.impulse, axis=1)
-        bars = Bars(traj.t, state, reaction, impulse)
-        return ErrorBars(lambda: bars)
+        nothing = np.full(len(traj.t), np.nan)
+        bars = np.array([0.0 * nothing, nothing, nothing])  # of state, reaction, impulse
+        for part in SHORTER:
+            finer = self._finer(value, part)
+            run = ScaledRun(self.method, self.case, finer)
+            other = run.check_and_convert(run())
+            if not other.status.ok:
+                return None
+            taken = part if self.by_stiffness else other.stats.get("h", finer) / traj.stats.get("h", value)
+            if not taken < 1.0:
+                continue  # the grid of samples leaves it the same step
+            pairs = (
+                (traj.x, other.x, True),
+                (traj.reaction, other.reaction, traj.reaction.size > 0),
+                (traj.impulse, other.impulse, traj.contacts == other.contacts),
+            )
+            for k, (one, two, is_known) in enumerate(pairs):
+                if is_known and one.shape == two.shape:
+                    apart = np.linalg.norm(one - two, axis=1) / (1.0 - taken)
+                    bars[k] = np.fmax(bars[k], apart)
+        found = Bars(traj.t, *bars)
+        return ErrorBars(lambda: found)
 
 
 def _seconds(run: ScaledRun) -> float:

@@ -1,10 +1,11 @@
-"""Per cents of an overlap are of the diameter of hard particles, whatever links there are."""
+"""What `nsbench step` is asked for, and whether an estimate from shorter steps can be relied on."""
 
 import numpy as np
 import pytest
 
-from nsbench import Case, Complementarity, Distance, get_case
-from nsbench.study.step_choice import demand_of
+from nsbench import Case, Complementarity, Distance, errors, get_case, solve, solvers
+from nsbench.study import step_choice
+from nsbench.study.step_choice import Demand, choose, demand_of
 
 
 def at_rest(*families):
@@ -30,3 +31,27 @@ def test_links_alone_are_measured_by_their_length():
 
 def test_discs_of_radius_one():
     assert demand_of(get_case("discs", n=3), "1%", "1%").overlap == pytest.approx(0.02)
+
+
+def test_a_step_near_the_chosen_one_keeps_the_error_of_a_method_that_chatters():
+    """x' = 1 - 2 s chatters about x = 0 with the amplitude of the step."""
+    case = get_case("sliding")
+    choice = choose(case, "euler", Demand(1e-3))
+    assert choice.is_found and choice.sure == "estimate from shorter steps"
+    for part in (1.0, 0.97, 0.9):
+        traj = solve(case, solver="euler", h=part * choice.accuracy)
+        assert errors(case, traj)["state_sup"] <= 1e-3
+
+
+@pytest.mark.parametrize("h", [0.05 / 32, 0.05 / 34])
+def test_a_step_that_ends_on_the_surface_by_chance_is_not_believed(h):
+    case = get_case("sliding")
+    search = step_choice._Search(case, "euler", solvers.get("euler"), Demand(1e-6))
+    _, found, _ = search._tried(h)
+    assert errors(case, solve(case, solver="euler", h=h))["state_sup"] < 1e-12
+    assert found.error > 1e-4
+
+
+def test_the_step_that_is_printed_is_the_step_that_was_run():
+    choice = choose(get_case("sliding"), "euler", Demand(1e-2))
+    assert float(f"{choice.accuracy:.3g}") == choice.accuracy
