@@ -24,6 +24,9 @@ KRYLOV = 8  # dimensions of a motion beside the start
 NO_LENGTH = 1e-14  # a distance of a scene at rest in its origin: a difference of numbers about 1
 INSTANT = 2.0**-26  # of the run, over which a switch is differenced in time
 CLOSED = 1e-10  # of a vector: less of it outside a space is rounding
+# times a size found from the speeds at the start, which was then next to nothing, where the
+# coordinate gets farther once the others have moved
+FARTHER = 2.0**20
 DOUBLINGS = 40  # of the first of the times at which that motion is looked at, up to the run's
 
 
@@ -73,12 +76,21 @@ def _estimate(case: Case, span: float) -> Scale:
     # Sizes of the motion by the speeds alone, as units in which the motion is then estimated.
     rough = _filled(np.maximum(sizes, span * np.max([np.abs(v) for _, v in fields], axis=0)))
     rough = np.full(case.n, rough.max()) if uniform else rough
-    moved = np.max([_displacement(f, x0, v, sizes, rough, span) for f, v in fields], axis=0)
+    away = np.where(sizes > 0.0, sizes, rough)
+    linear = [_krylov(f, x0, v, away, span) for f, v in fields]
+    found = [
+        _displacement(f, x0, v, away, rough, span, far)
+        for (f, v), far in zip(fields, linear, strict=True)
+    ]
+    moved = np.max(found, axis=0)
     if uniform:  # one length: that of particles, or the amplitude of the motion, wherever it is
         length = max(sizes.max(), 0.5 * moved.max(), 0.5 * _wall_motion(case, span))
         own = np.full(case.n, length or np.abs(x0).max() or _nearest_wall(case) or 1.0)
     else:
-        own = _filled(np.where(moved > 0.0, moved, sizes))
+        own = np.where(moved > 0.0, moved, sizes)
+        later = np.max([_speeds_around(f, x0, moved) for f, _ in fields], axis=0)
+        far = np.minimum(np.max(linear, axis=0), span * later)
+        own = _filled(np.where((far > FARTHER * own) & np.isfinite(far) & (own > 0.0), far, own))
     return Scale(_time(case, [v for _, v in fields], own, span), own)
 
 
@@ -149,22 +161,27 @@ def switch_sizes(case: Case, lengths: np.ndarray | None = None) -> np.ndarray:
     return np.where(np.isfinite(sizes), sizes, 0.0).max(axis=0)
 
 
-def _displacement(f, x0, v, sizes, rough, span) -> np.ndarray:
+def _speeds_around(f, x0, moved) -> np.ndarray:
+    """Return the largest speed (n,) of each coordinate where all have moved by so much (n,)."""
+    found = np.abs([_tried(f, x0 + moved), _tried(f, x0 - moved)])
+    return np.where(np.isfinite(found), found, 0.0).max(axis=0)
+
+
+def _displacement(f, x0, v, away, rough, span, linear) -> np.ndarray:
     """Estimate (n,) how far each coordinate gets from x0 within `span` in the field f, v = f(x0).
 
     At most its speed times the time; less where the field pulls back, to first order along v, and
-    in the linearised motion in the Krylov space of v, where the coordinate turns round.
+    in the linearised motion, which gets `linear` (n,) far, where the coordinate turns round.
     """
     far = np.abs(v) * span
     if not far.any():
         return far
-    away = np.where(sizes > 0.0, sizes, rough)
     y = v / rough
     part = 1.0 / max(float(np.abs(y).max()) * span, float((np.abs(v) / away).max()) * span)
     step = part * span
     change = np.abs(_tried(f, x0 + step * v) - v)
     lasts = np.where(change > 0.0, step * np.abs(v) / np.where(change > 0.0, change, 1.0), span)
-    return np.minimum(np.abs(v) * np.fmin(span, lasts), _krylov(f, x0, v, away, span))
+    return np.minimum(np.abs(v) * np.fmin(span, lasts), linear)
 
 
 def _krylov(f, x0, v, unit, span) -> np.ndarray:
@@ -179,6 +196,8 @@ def _krylov(f, x0, v, unit, span) -> np.ndarray:
     n = x0.size
     many = min(n, KRYLOV)
     w0 = span * v / unit
+    if not w0.any():
+        return np.zeros(n)
     # y = unit V z, z' = (H z + |w0| e_0) / span
     V = np.zeros((many + 1, n))
     H = np.zeros((many + 1, many + 1))

@@ -197,3 +197,20 @@ def test_a_motion_beside_the_start_is_as_long_as_it_grows(rate, way):
     with np.errstate(all="ignore"):
         found = _krylov(drift, x0, drift(x0), np.ones(1), 1.0)
     assert found[0] == pytest.approx(way, rel=1e-6)
+
+
+@pytest.mark.parametrize("start", [1e-16, 1e-12, 1e-9, 1e-5])
+@pytest.mark.parametrize(
+    "spec, accuracy, near",
+    [("event_driven", {"tol": 1e-12}, 1e-10), ("euler[implicit=true]", {"h": 0.01}, 1e-6)],
+)
+def test_a_start_that_is_next_to_nothing_is_no_size(spec, accuracy, near, start):
+    """A block on a belt, v' = -x - 0.6 s: its first displacement is that of the speed at the start,
+    which is rounding, and not of the motion."""
+    field = lambda xp: lambda t, x, s: xp.array([x[1], -x[0] - 0.6 * s[0]])
+    problem = Filippov.signs(field, lambda xp: lambda t, x: x[1:2] - 0.5)
+    times = np.linspace(0.0, 10.0, 51)
+    cases = [Case("block", problem, np.array([-1.0, v]), times) for v in (0.0, start)]
+    runs = [solvers.solve(case, spec, **accuracy) for case in cases]
+    assert [r.status.code for r in runs] == ["ok", "ok"]
+    assert np.abs(runs[1].x - runs[0].x).max() <= near + 10.0 * start
