@@ -186,6 +186,17 @@ class Trajectory:
         ]
         return summary_table("Trajectory", lines)
 
+    def multiplier(self, contact: tuple) -> np.ndarray:
+        """Return (k - 1,) the mean multiplier of one contact over each interval between samples.
+
+        contact: an id of `contacts`, or that of one that never acted, which gives zeros.
+        Filippov: the mean weight of the positive side of surface i, contact (0, i).
+        """
+        means = np.zeros(max(len(self.t) - 1, 0))
+        if contact in self.contacts:
+            means = np.diff(self.impulse[:, self.contacts.index(contact)]) / np.diff(self.t)
+        return means
+
     def plot(self, what: str = "state") -> Any:
         """Draw the run over time as a chart (nsbench.plots.Chart).
 

@@ -53,7 +53,7 @@ def section(name, parser):
     for names, text in arguments(parser):
         item = nodes.definition_list_item()
         item += nodes.term("", "", nodes.literal(text=names))
-        item += nodes.definition("", nodes.paragraph(text=text or "as it says"))
+        item += nodes.definition("", nodes.paragraph(text=text))
         found += item
     if found.children:
         out += found

@@ -196,8 +196,8 @@ def _add_report(verbs) -> None:
 
 def _add_show(verbs) -> None:
     verb = _add_verb(verbs, "show", "one case, or one run of it")
-    verb.add_argument("case", metavar="CASE")
-    verb.add_argument("-s", "--solver", metavar="SOLVER")
+    verb.add_argument("case", metavar="CASE", help="such as discs[n=30], or a case file")
+    verb.add_argument("-s", "--solver", metavar="SOLVER", help="run it with this method")
     for name in ACCURACIES:
         verb.add_argument(f"--{name}", type=float)
     verb.add_argument(
@@ -212,14 +212,13 @@ def _add_step(verbs) -> None:
     verb.add_argument("case", metavar="CASE", help="such as discs[n=30], or a case file")
     verb.add_argument(
         "--error",
-        required=True,
         metavar="E",
-        help="largest error of the state, such as 1e-2, or 1%% of its size",
+        help="largest error of the state in the 2-norm, such as 1e-2, or 1%% of its size",
     )
     verb.add_argument(
         "--overlap",
         metavar="E",
-        help="largest violation of a constraint, such as 1e-3, or 1%% of a diameter",
+        help="largest violation of a constraint, such as 1e-3, or 1%% of the smallest diameter",
     )
     verb.add_argument(
         "-s",
@@ -239,7 +238,8 @@ def _add_new(verbs) -> None:
         "--kind",
         default="contact",
         metavar="KIND",
-        help="case: contact (default), discs, switch, circuit; method: contact (default), switch",
+        help="case: contact (default), discs, switch, hybrid, circuit; method: contact (default), "
+        "switch",
     )
 
 
@@ -278,7 +278,7 @@ def _add_gate(verbs) -> None:
         action="store_true",
         help="write what changed into the baseline (needs --reason)",
     )
-    verb.add_argument("--reason", metavar="TEXT", default="")
+    verb.add_argument("--reason", metavar="TEXT", default="", help="why the lines change")
     verb.add_argument("--summary", metavar="FILE", help="append a summary in Markdown to this file")
 
 

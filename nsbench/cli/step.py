@@ -24,8 +24,7 @@ def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
     asked = args.solver or [s for s in solvers.standard() if not solvers.get(s).refuses(case)]
     choices = []
     if not args.json:
-        overlap = "" if demand.overlap == math.inf else f", overlap at most {demand.overlap:.3g}"
-        say(f"{case.key}: error of the state at most {demand.error:.3g}{overlap}")
+        say(f"{case.key}: {_asked_for(demand, case.n)}")
         say(f"{HEAD}  how sure")
     for spec in asked:
         choices.append(choose(case, spec, demand))
@@ -43,6 +42,17 @@ def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
             f"run, {best.sure}."
         )
     return FINE if best else FAILED
+
+
+def _asked_for(demand, n: int) -> str:
+    """What is asked for, and in which norm."""
+    parts = []
+    if demand.error < math.inf:
+        of = f" (2-norm of its {n} coordinates, at any sample)" if n > 1 else ""
+        parts.append(f"error of the state at most {demand.error:.3g}{of}")
+    if demand.overlap < math.inf:
+        parts.append(f"overlap at most {demand.overlap:.3g}")
+    return ", ".join(parts)
 
 
 def _number(value):

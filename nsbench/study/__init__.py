@@ -46,12 +46,15 @@ class Study:
     solvers: dict = dataclasses.field(default_factory=dict)
 
     def __repr__(self) -> str:
-        """Return the numbers of rows, cases and solvers, and what became of the runs."""
+        """Return the numbers of rows, cases and solvers, what became of the runs, and the number of
+        cases whose errors are not known."""
         outcomes = Counter(row["status"] for row in self.rows)
         counted = ", ".join(f"{count} {status}" for status, count in outcomes.most_common())
+        unknown = {r["case"] for r in self.rows if r.get("reference") == "none"}
+        blind = f"; errors of {len(unknown)} cases not known: no reference" if unknown else ""
         return (
             f"Study({len(self.rows)} runs of {len(self.cases)} cases with {len(self.solvers)} "
-            f"solvers: {counted or 'none'})"
+            f"solvers: {counted or 'none'}{blind})"
         )
 
     def _repr_html_(self) -> str:

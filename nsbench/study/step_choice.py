@@ -4,8 +4,8 @@ Methods with error bars (nsbench.error_bars) are run with long steps, then with 
 their bar would be the error asked for. Of any other method two runs with shorter steps are compared
 with it: the difference over 1 - (their step) / (the step) estimates its error, exactly for order
 one, from above for a higher order; the larger one counts. The steps are not halved: where a method
-chatters about a surface, some step and half of it can both end on that surface by chance, and no
-other step does. Methods that control their error by a tolerance are run at their default one, and what
+chatters about a surface, a step and half of it can both end on that surface by chance, and no other
+step does. Methods that control their error by a tolerance are run at their default one, and what
 they claim is taken.
 """
 
@@ -70,24 +70,31 @@ class Choice:
 
 @dataclass(frozen=True)
 class Demand:
-    """What is asked for: largest error of the state, and largest violation (inf: any)."""
+    """What is asked for: largest error of the state in the 2-norm, and largest violation (inf:
+    any)."""
 
     error: float
     overlap: float = math.inf
 
 
-def demand_of(case: Case, error: str, overlap: str | None = None) -> Demand:
-    """Return the demand of two texts, each a length in the units of the case or a per cent.
+def demand_of(case: Case, error: str | None, overlap: str | None = None) -> Demand:
+    """Return the demand of two texts, each a length in the units of the case or a per cent; None:
+    any.
 
     Per cents of the error are of the largest size of a coordinate (`Case.scale`, else estimated),
     those of the overlap of the smallest diameter of hard particles, or of that size where there
     are none.
-    ValueError for a text that is neither.
+    ValueError for a text that is neither, for an overlap of a case without constraints, and where
+    nothing is asked for.
     """
+    if error is None and overlap is None:
+        raise ValueError("--error, --overlap or both are needed")
+    if overlap is not None and not isinstance(case.problem, Complementarity):
+        raise ValueError(f"--overlap is {overlap!r}; {case.key} has no constraints to violate")
     size = float(np.max(case_scale(case).state))
     wide = particle_diameter(case)
     return Demand(
-        _length("error", error, size),
+        math.inf if error is None else _length("error", error, size),
         math.inf if overlap is None else _length("overlap", overlap, wide or size),
     )
 
@@ -131,9 +138,11 @@ def _by_claim(case, spec, method, demand) -> Choice:
         )
         sure = PROVEN if bars.is_proven else ESTIMATED
     violation = _violation(case, traj)
-    if not (error <= demand.error and violation <= demand.overlap):
+    if demand.error < math.inf and not error <= demand.error:
         why = f"its claim of {error:.2g} is not enough" if error == error else "it claims no error"
         return Choice(spec, "tol", why=f"Asked for {demand.error:.2g}, {why}.")
+    if violation > demand.overlap:
+        return Choice(spec, "tol", why=f"It violates a constraint by {violation:.2g}.")
     seconds = _seconds(run)
     return Choice(spec, "tol", asked, seconds, error, violation, reaction, impulse, sure)
 
@@ -225,7 +234,7 @@ class _Search:
         return spacing / (more + 1 if more % 2 == steps % 2 else more)
 
     def _compared(self, value: float, traj: Trajectory) -> ErrorBars | None:
-        """Return error bars of `traj` from runs with shorter steps; None if one of them failed."""
+        """Return error bars of `traj` from runs with shorter steps; None if one failed."""
         from nsbench.error_bars import Bars
 
         nothing = np.full(len(traj.t), np.nan)
@@ -236,7 +245,9 @@ class _Search:
             other = run.check_and_convert(run())
             if not other.status.ok:
                 return None
-            taken = part if self.by_stiffness else other.stats.get("h", finer) / traj.stats.get("h", value)
+            taken = part
+            if not self.by_stiffness:
+                taken = other.stats.get("h", finer) / traj.stats.get("h", value)
             if not taken < 1.0:
                 continue  # the grid of samples leaves it the same step
             pairs = (

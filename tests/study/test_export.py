@@ -75,3 +75,11 @@ def test_objects_are_short_in_notebooks(study):
 def test_html_is_escaped():
     rows = [{"case": "<b>", "solver": "pbd", "asked": 1.0, "status": "ok", "state_sup": 1.0}]
     assert "&lt;b&gt;" in Study(rows)._repr_html_() and "<b>&" not in Study(rows)._repr_html_()
+
+
+def test_a_study_says_whose_errors_are_not_known():
+    assert "not known" not in repr(nsbench.run("tide", "pbd", h=0.05))
+    own = nsbench.get_case("tide").replace(exact=None, exact_impulse=None, name="own")
+    assert repr(nsbench.run(own, "pbd", h=0.05)).endswith(
+        "1 ok; errors of 1 cases not known: no reference)"
+    )

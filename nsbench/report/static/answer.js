@@ -118,6 +118,10 @@ const answer = {
   sentence(rows, best, cases, label) {
     const target = document.getElementById("answer-sentence");
     const first = rows.find((row) => row.timed);
+    if (!cases.length) {
+      target.textContent = "No case matches.";
+      return;
+    }
     if (!first) {
       target.textContent = `No compiled method reaches an error of ${label} on these cases.`;
       return;
