@@ -200,10 +200,11 @@ def _fit(
     lo, hi = (float(v) for v in result.interval)
     if verdict in OPEN and not hi - lo <= MAX_INTERVAL_WIDTH:
         return Order(metric, "level", verdict, sentence, verdict=verdict, **best)
+    doubt = f" {verdict}" if verdict in OPEN else ""
     return Order(
         metric=metric,
         kind="fit",
-        text=f"{value:.2f} [{lo:.2f}, {hi:.2f}]",
+        text=f"{value:.2f} [{lo:.2f}, {hi:.2f}]{doubt}",
         sentence=sentence,
         order=value,
         interval=(lo, hi),

@@ -121,19 +121,14 @@ def _reason_for_no_verdict(h, ladder: float, mixed: str) -> tuple[str, bool]:
 
     Returns (reason, whether the phase of the steps is behind it).
     """
+    few = f"{ladder:.1f} octaves with {len(h)} steps; {LADDER:g} with {STEPS} are needed"
+    short = ladder < LADDER - 1e-9
     if dyadic(h):
-        return (
-            "the steps are dyadic: an error that turns with the phase of the step looks constant",
-            True,
-        )
+        turns = "an error that turns with the phase of the step looks constant"
+        return few if short else f"the steps are dyadic: {turns}", True
     if mixed:
         return mixed, True
-    if ladder < LADDER - 1e-9 or len(h) < STEPS:
-        return (
-            f"{ladder:.1f} octaves with {len(h)} steps; {LADDER:g} with {STEPS} are needed",
-            False,
-        )
-    return "", False
+    return few if short or len(h) < STEPS else "", False
 
 
 def _mixed_behaviour(err, noise) -> str:

@@ -194,10 +194,11 @@ def _bar(bar: tuple[str, float, float] | None, seen: bool) -> list | None:
 
 
 def _order(order: Order) -> list | None:
-    """[order, low, high, claim] of a fit, null for anything else."""
+    """[order, low, high, claim, 1 if that is its verdict] of a fit, null for anything else."""
     if order.kind != "fit":
         return None
-    return [_number(v) for v in (order.order, *order.interval, order.claim)]
+    numbers = (order.order, *order.interval, order.claim)
+    return [*(_number(v) for v in numbers), int(order.verdict == "order")]
 
 
 def _cost(cost: Cost | None) -> list | None:

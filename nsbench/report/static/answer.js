@@ -61,7 +61,7 @@ const answer = {
       rows.set(pair.m, row);
       row.tried += pair.word === "refused" ? 0 : 1;
       row.failed += pair.good.filter((g, i) => !g && pair.status[i] !== "refused").length;
-      if (pair.orders.force) {
+      if (pair.orders.force?.[4]) {
         row.orders.push(pair.orders.force[0]);
       }
       row.reached += pair.cost[k] ? 1 : 0;
@@ -97,7 +97,7 @@ const answer = {
 
   range(values) {
     if (!values.length) {
-      return "no order";
+      return "no verdict";
     }
     const [low, high] = [Math.min(...values).toFixed(2), Math.max(...values).toFixed(2)];
     return low === high ? `order ${low}` : `order ${low} to ${high}`;
