@@ -10,6 +10,8 @@ import os
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+
 from nsbench import study
 from nsbench.execute.workers.pool import run_all
 from nsbench.gate import spreads
@@ -17,6 +19,7 @@ from nsbench.gate.baseline import line
 from nsbench.gate.facts import facts
 from nsbench.gate.tolerances import format_tolerances, why_not_held, widest_by_method
 from nsbench.report.data import Data, build, columns_of, read
+from nsbench.report.style import format_count
 from nsbench.results import run_key
 from nsbench.results.atomic_write import write_atomically
 from nsbench.results.journal import Journal
@@ -62,15 +65,22 @@ def calibrate(folder: Path, args, say, files: UserFiles = NO_FILES) -> int:
     ]
     passes.append((specs, THREADS, f"{THREADS} threads"))
     others = []
+    ended: dict[tuple[str, str], str] = {}
     for number, (these, threads, title) in enumerate(passes, 1):
         say(f"pass {number} of {len(passes)}: {title}, {len(these)} runs")
-        others.append(facts(_again(these, folder / FOLDER / str(number), threads, args, data)))
+        again = _again(these, folder / FOLDER / str(number), threads, args, data)
+        ended = _ended_otherwise(data, again, title) | ended
+        others.append(facts(again))
     first = facts(data)
     found = spreads.spreads(first, others)
     write_atomically(folder / spreads.NAME, spreads.text(found, first).encode())
     lines = {key: line(fact, found[key], "") for key, fact in first.items()}
     loose = [key for key, made in lines.items() if not made.held]
+    for sentence in ended.values():
+        say(sentence)
     for key in loose:
+        if np.isinf(found[key]) and key[:2] in ended:
+            continue  # said for all numbers of these runs
         say(f"not to be held: {why_not_held(first[key], lines[key], found[key])}")
     for sentence in format_tolerances(widest_by_method(first, lines)):
         say(sentence)
@@ -79,6 +89,25 @@ def calibrate(folder: Path, args, say, files: UserFiles = NO_FILES) -> int:
         f"{folder / spreads.NAME}"
     )
     return 0
+
+
+def _ended_otherwise(data: Data, again: Data, title: str) -> dict[tuple[str, str], str]:
+    """Say of each case and method whose runs of a pass ended otherwise how the first of them did.
+
+    Their numbers cannot be held: a change of the start by 1e-12 decides how the run ends.
+    """
+    said = {}
+    for key, runs in again.runs.items():
+        before = dict(zip(data.runs[key].col["asked"], data.runs[key].good, strict=True))
+        changed = [k for k, asked in enumerate(runs.col["asked"]) if runs.good[k] != before[asked]]
+        if changed:
+            first = changed[0]
+            status = f"{runs.col['status'][first]} {runs.col['why'][first]}".strip()
+            said[key] = (
+                f"{' '.join(key)}: {format_count(len(changed), 'run')} of {title} ended otherwise, "
+                f"the first ({runs.accuracy} = {runs.col['asked'][first]:g}) as {status}"
+            )
+    return said
 
 
 def specs_of(data: Data, files: UserFiles = NO_FILES) -> list[study.Spec]:

@@ -13,7 +13,7 @@ from nsbench.dynamics.scaling.estimate import case_scale
 from nsbench import study
 from nsbench.cli import main
 from nsbench.gate import baseline, spreads
-from nsbench.gate.calibrate import specs_of
+from nsbench.gate.calibrate import _ended_otherwise, specs_of
 from nsbench.report.data import read
 from nsbench.results import tables
 from nsbench.results.journal import Journal, read_journal
@@ -84,3 +84,17 @@ def test_a_study_of_cases_that_are_not_registered_cannot_be_calibrated(tmp_path)
     assert specs_of(read(tmp_path)) == []
     with pytest.raises(LookupError, match="no run of a known case"):
         calibrate(tmp_path, argparse.Namespace(jobs=1, timeout=10.0), print)
+
+
+def test_a_run_that_ends_otherwise_from_a_start_beside_is_told_with_its_reason():
+    from report_rows import row
+
+    kept = [row("tide", "pbd", h) for h in (0.05, 0.03)]
+    lost = row("tide", "pbd", 0.03, status="degenerate", why="No motion continues.")
+    said = _ended_otherwise(read(kept), read([kept[0], lost]), "starts 1e-12 apart, 1")
+    assert list(said) == [("tide", "pbd")]
+    assert said["tide", "pbd"] == (
+        "tide pbd: 1 run of starts 1e-12 apart, 1 ended otherwise, the first (h = 0.0303) as "
+        "degenerate No motion continues."
+    )
+    assert not _ended_otherwise(read(kept), read(kept), "")
