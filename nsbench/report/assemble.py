@@ -246,7 +246,11 @@ def write_case_notes(data: Data, case: str, summaries: dict[tuple, Summary]) -> 
             "method picks among the multipliers is drawn apart, as its selection; it is not an "
             "error."
         )
-    for target in (1e-2, 1e-3):
+    # per cents of the diameter of particles, of other cases parts of the unit of length
+    length = data.cases.get(case, {}).get("own_length")
+    for part in (1e-2, 1e-3):
+        target = part * (length or 1.0)
+        limit = f"{100 * part:g} % ({format_number(target)})" if length else format_power(part)
         found = [cost.step_for_violation(s.runs, target) for s in own if s.runs.violates]
         found = [c for c in found if c is not None]
         if found:
@@ -255,7 +259,7 @@ def write_case_notes(data: Data, case: str, summaries: dict[tuple, Summary]) -> 
                 f"({format_seconds(c.seconds)})"
                 for c in found[:4]
             )
-            out.append(f"Violation below {format_power(target)}: {reached}.")
+            out.append(f"Violation below {limit}: {reached}.")
     for runs in data.of_case(case):
         noted = dict.fromkeys(n for n in runs.col["note"] if n)
         out += [f"{runs.solver}: {sanitise(n)}" for n in list(noted)[:MAX_NOTES]]

@@ -242,8 +242,13 @@ def _cheapest(found: list[Cost]) -> Cell:
 
 
 def describe_wins(data: Data) -> list[str]:
-    """Count for each error the cases on which PBD is the cheapest compiled method, or is not."""
-    out = []
+    """Count for each error the cases on which PBD is the cheapest compiled method, or is not.
+
+    Of a study without it, nothing.
+    """
+    out: list[str] = []
+    if not any(method_of(solver) == LEADING_METHOD for solver in data.specs):
+        return out
     for target in TARGETS:
         won = []
         dearer = 0

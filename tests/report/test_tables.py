@@ -9,7 +9,8 @@ from report_rows import CASES, row
 import nsbench
 from nsbench.case.scale import Scale
 from nsbench.problem import Affine
-from nsbench.report import data, write_report
+from nsbench.report import assemble, data, scaling, write_report
+from nsbench.report.summary import summarise
 from nsbench.report.tables import error_table, reliability_tables
 from nsbench.study.describe import describe_case
 
@@ -31,6 +32,22 @@ def test_a_violation_is_in_per_cent_of_the_length_of_its_case():
     assert violation(read(own_length=2.0)).small == "1.5 %"
     assert violation(read(own_length=2.0)).title == "1.5 % of 2"
     assert violation(read()).small == violation(read(own_length=None)).small == ""
+
+
+@pytest.mark.parametrize(
+    "length, said", [(6.0, "below 1 % (0.06)"), (None, "below 1e-1"), (None, "below 1e-2")]
+)
+def test_the_step_that_keeps_the_constraints_is_for_per_cents_of_the_own_length(length, said):
+    rows = [row("hex", "pbd", h, state_sup=h, feasibility=0.03 * h) for h in (0.4, 0.2, 0.1)]
+    known = data.build(data.columns_of(rows), cases={"hex": {"own_length": length}})
+    text = " ".join(assemble.write_case_notes(known, "hex", summarise(known)))
+    assert (f"Violation {said}:" in text) == (said != "below 1e-1"), text
+
+
+def test_a_study_without_pbd_says_nothing_of_pbd():
+    seen = {"loop": "compiled", "seconds": 1e-3}
+    rows = [row("hex", "euler", h, state_sup=h * h, **seen) for h in (0.2, 0.1, 0.01)]
+    assert scaling.describe_wins(data.build(data.columns_of(rows))) == []
 
 
 def test_other_columns_have_no_per_cents():
