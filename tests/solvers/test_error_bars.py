@@ -13,6 +13,7 @@ from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 from nsbench.error_bars.shadow import Shadow
 from nsbench.reference import reference
 from nsbench.solvers.common.time_grid import grid
+from nsbench.study.plan import plan_runs
 
 FLAT = ("tide", "rods[n=5]", "wedge", "play", "moving_floor", "box_turning")
 CURVED = ("discs[n=3]", "three_discs", "obstacle")
@@ -292,3 +293,10 @@ def test_the_comparison_curve_stays_feasible_between_its_nodes():
     steep = np.array([[0.3, -0.3], [-0.3, 0.3]])
     arcs = shadow.arcs(t[:1], np.ones(1), x[:1], x[1:2], steep[:1], steep[1:], ())
     assert not arcs.inside[0]
+
+
+def test_a_study_of_a_method_with_a_tolerance_in_its_name_runs_that_tolerance():
+    specs = plan_runs([("tide", "")], ["pbd[tol=1e-2]"])
+    assert [(s.accuracy, s.asked) for s in specs] == [("tol", 1e-2)]
+    specs = plan_runs([("tide", "")], ["pbd[tol=1e-2]"], values={"tol": [0.1, 0.03]})
+    assert [s.asked for s in specs] == [0.1, 0.03]
