@@ -12,7 +12,7 @@ from pathlib import Path
 
 from nsbench import solvers
 from nsbench.case import case_names, get_case, load_case, load_module, parse_spec
-from nsbench.case.selection import suite_parameters
+from nsbench.case.selection import split_path, suite_parameters
 from nsbench.cli.exit_codes import FAILED, FINE
 from nsbench.cli.file_checks.case_checks import check_case, check_repeatable
 from nsbench.cli.file_checks.solver_checks import check_solver
@@ -37,7 +37,11 @@ def command(args: argparse.Namespace, say: Say) -> int:
 
 
 def _check_name(name: str, say: Say) -> list[str]:
-    """Check what the name stands for: a file, else a registered solver, else a registered case."""
+    """Check what the name stands for: a file, a case of it with parameters, else a registered
+    solver, else a registered case."""
+    path, parameters = split_path(name) or ("", {})
+    if parameters:
+        return check_case(load_case(path, **parameters), say)
     if Path(name).exists() or parse_spec(name)[0].endswith(".py"):
         return check_file(Path(name), say)
     base, _ = parse_spec(name)

@@ -6,13 +6,14 @@ import argparse
 import dataclasses
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from nsbench import solvers
 from nsbench.cli.exit_codes import FAILED, FINE
 from nsbench.cli.option_values import find_one_case
+from nsbench.problem import Complementarity
 
-HEAD = f"{'method':<28} {'needs':<16} {'seconds':>9} {'error':>9} {'overlap':>9} {'reaction':>9}"
+COLUMNS = ("seconds", "error", "overlap")
 
 
 def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
@@ -25,11 +26,12 @@ def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
     choices = []
     if not args.json:
         say(f"{case.key}: {_asked_for(demand, case.n)}")
-        say(f"{HEAD}  how sure")
+        force = "reaction" if isinstance(case.problem, Complementarity) else "impulse"
+        say(f"{'method':<28} {'needs':<16} {_cells(COLUMNS)} {force:>9}  how sure")
     for spec in asked:
         choices.append(choose(case, spec, demand))
         if not args.json:
-            say(_line(choices[-1]))
+            say(_line(choices[-1], force))
     best = cheapest(choices)
     if args.json:
         found = [{k: _number(v) for k, v in dataclasses.asdict(c).items()} for c in choices]
@@ -60,11 +62,15 @@ def _number(value):
     return value if not isinstance(value, float) or math.isfinite(value) else None
 
 
-def _line(c) -> str:
+def _line(c, force: str) -> str:
+    """The line of a method; force: "reaction" or "impulse", whose error is the last number."""
     if not c.is_found:
         return f"{c.method:<28} {c.why}"
-    cells = (f"{v:>9.2g}" if v == v else f"{'-':>9}" for v in (c.error, c.violation, c.reaction))
+    numbers = (c.seconds, c.error, c.violation, getattr(c, force))
+    cells = _cells(f"{v:.2g}" if v == v else "-" for v in numbers)
     needs = f"{c.name} = {c.accuracy:.4g}"
-    return f"{c.method:<28} {needs:<16} {c.seconds:>9.2g} {' '.join(cells)}  {c.sure}" + (
-        f"; {c.why}" if c.why else ""
-    )
+    return f"{c.method:<28} {needs:<16} {cells}  {c.sure}" + (f"; {c.why}" if c.why else "")
+
+
+def _cells(texts: Iterable[str]) -> str:
+    return " ".join(f"{text:>9}" for text in texts)

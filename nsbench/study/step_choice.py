@@ -276,9 +276,9 @@ def _seconds(run: ScaledRun) -> float:
 
 
 def _violation(case: Case, traj: Trajectory) -> float:
-    """Return the largest violation of a constraint at a recorded state; 0.0 without any."""
+    """Return the largest violation of a constraint at a recorded state; NaN without any."""
     if not isinstance(case.problem, Complementarity):
-        return 0.0
+        return math.nan
     scene = scene_of(case)
     t = traj.t
     x = traj.x

@@ -208,3 +208,21 @@ def test_registered_names_are_checked_as_files_are(capsys):
     assert "sliding: fine" in capsys.readouterr().out
     assert main(["check", "euler[implicit=true]"]) == 0
     assert "friction: state of order" in capsys.readouterr().out
+
+
+def test_a_case_of_a_file_is_checked_with_its_parameters(tmp_path, capsys):
+    """x' = -1, x >= b: with b = 2 the start x = 1 violates the constraint."""
+    file = tmp_path / "floor.py"
+    file.write_text(
+        '"""x\' = -1, x >= b"""\n'
+        "import numpy as np\n"
+        "from nsbench import Affine, Case, Complementarity\n\n\n"
+        "def make(b: float = 0.0):\n"
+        "    drift = lambda xp: lambda t, x: 0.0 * x - 1.0\n"
+        "    floor = Affine(np.eye(1), np.array([-b]))\n"
+        "    return Case('floor', Complementarity(drift, (floor,)), np.ones(1), np.linspace(0, 2, 9))\n"
+    )
+    assert main(["check", str(file)]) == 0
+    assert main(["check", f"{file}[b=0.5]"]) == 0
+    assert "floor[b=0.5]" in capsys.readouterr().out
+    assert main(["check", f"{file}[b=2.0]"]) == 3
