@@ -189,9 +189,12 @@ class Trajectory:
     def multiplier(self, contact: tuple) -> np.ndarray:
         """Return (k - 1,) the mean multiplier of one contact over each interval between samples.
 
-        contact: an id of `contacts`, or that of one that never acted, which gives zeros.
-        Filippov: the mean weight of the positive side of surface i, contact (0, i).
+        contact: an id of `contacts`, or that of one that never acted, which gives zeros; the two
+        ends of a pair in any order. Filippov: the mean weight of the positive side of surface i,
+        contact (0, i).
         """
+        family, *ends = contact
+        contact = (family, *sorted(ends))
         means = np.zeros(max(len(self.t) - 1, 0))
         if contact in self.contacts:
             means = np.diff(self.impulse[:, self.contacts.index(contact)]) / np.diff(self.t)

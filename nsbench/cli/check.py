@@ -41,7 +41,7 @@ def _check_name(name: str, say: Say) -> list[str]:
     solver, else a registered case."""
     path, parameters = split_path(name) or ("", {})
     if parameters:
-        return check_case(load_case(path, **parameters), say)
+        return check_file(Path(path), say, parameters)
     if Path(name).exists() or parse_spec(name)[0].endswith(".py"):
         return check_file(Path(name), say)
     base, _ = parse_spec(name)
@@ -52,28 +52,33 @@ def _check_name(name: str, say: Say) -> list[str]:
     return check_file(Path(name), say)
 
 
-def check_file(path: Path, say: Say) -> list[str]:
-    """Check a case file or a solver file; returns the violations as sentences.
+def check_file(path: Path, say: Say, parameters: dict | None = None) -> list[str]:
+    """Check a case file, or the case that it makes with parameters, or a solver file.
+
+    Returns the violations as sentences.
 
     Whatever the file raises is a violation too, but for FileNotFoundError and KeyboardInterrupt.
     `say` describes what was checked.
     """
     try:
-        return _check_module(path, say)
+        return _check_module(path, say, parameters or {})
     except (FileNotFoundError, KeyboardInterrupt):
         raise
     except (Exception, SystemExit) as e:
         return [str(e) if isinstance(e, (LookupError, ValueError)) else describe(e, path.resolve())]
 
 
-def _check_module(path: Path, say: Say) -> list[str]:
+def _check_module(path: Path, say: Say, parameters: dict) -> list[str]:
     module = load_module(path)
+    if parameters:
+        case = load_case(path, **parameters)
+        return [*check_repeatable(case, load_case(path, **parameters)), *check_case(case, say)]
     if hasattr(module, "SOLVER"):
         return check_solver(_registered_name(path) or solvers.load(path), say)
     if hasattr(module, "CASE") or hasattr(module, "make"):
         case = load_case(path)
-        for parameters in suite_parameters(module, "full"):
-            load_case(path, **parameters)  # raises for a set that the case does not take
+        for named in suite_parameters(module, "full"):
+            load_case(path, **named)  # raises for a set that the case does not take
         return [*check_repeatable(case, load_case(path)), *check_case(case, say)]
     return [f"{path} defines none of CASE, make, SOLVER"]
 

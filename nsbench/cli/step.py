@@ -13,6 +13,7 @@ from nsbench.cli.exit_codes import FAILED, FINE
 from nsbench.cli.option_values import find_one_case
 from nsbench.problem import Complementarity
 
+DIGITS = 10  # of an accuracy, which is a number of few digits
 COLUMNS = ("seconds", "error", "overlap")
 
 
@@ -37,10 +38,10 @@ def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
         found = [{k: _number(v) for k, v in dataclasses.asdict(c).items()} for c in choices]
         say(json.dumps({"cheapest": best.method if best else None, "methods": found}, indent=1))
     elif best is None:
-        say("None of them keeps this error, as far as is known.")
+        say("None of them keeps what is asked for, as far as is known.")
     else:
         say(
-            f"Take {best.method} with {best.name} = {best.accuracy:.4g}: {best.seconds:.2g} s a "
+            f"Take {best.method} with {best.name} = {best.accuracy:.{DIGITS}g}: {best.seconds:.2g} s a "
             f"run, {best.sure}."
         )
     return FINE if best else FAILED
@@ -68,7 +69,7 @@ def _line(c, force: str) -> str:
         return f"{c.method:<28} {c.why}"
     numbers = (c.seconds, c.error, c.violation, getattr(c, force))
     cells = _cells(f"{v:.2g}" if v == v else "-" for v in numbers)
-    needs = f"{c.name} = {c.accuracy:.4g}"
+    needs = f"{c.name} = {c.accuracy:.{DIGITS}g}"
     return f"{c.method:<28} {needs:<16} {cells}  {c.sure}" + (f"; {c.why}" if c.why else "")
 
 

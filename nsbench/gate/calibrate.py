@@ -94,18 +94,19 @@ def calibrate(folder: Path, args, say, files: UserFiles = NO_FILES) -> int:
 def _ended_otherwise(data: Data, again: Data, title: str) -> dict[tuple[str, str], str]:
     """Say of each case and method whose runs of a pass ended otherwise how the first of them did.
 
-    Their numbers cannot be held: a change of the start by 1e-12 decides how the run ends.
+    Their numbers cannot be held: what must not matter decides how the run ends.
     """
     said = {}
     for key, runs in again.runs.items():
         before = dict(zip(data.runs[key].col["asked"], data.runs[key].good, strict=True))
-        changed = [k for k, asked in enumerate(runs.col["asked"]) if runs.good[k] != before[asked]]
+        changed = [k for k, asked in enumerate(runs.col["asked"]) if runs.good[k] != before.get(asked)]
         if changed:
             first = changed[0]
             status = f"{runs.col['status'][first]} {runs.col['why'][first]}".strip()
             said[key] = (
-                f"{' '.join(key)}: {format_count(len(changed), 'run')} of {title} ended otherwise, "
-                f"the first ({runs.accuracy} = {runs.col['asked'][first]:g}) as {status}"
+                f"{' '.join(key)}: {format_count(len(changed), 'run')} ended otherwise in the pass "
+                f"'{title}', not to be held; the first ({runs.accuracy} = "
+                f"{runs.col['asked'][first]:g}): {status}"
             )
     return said
 

@@ -250,7 +250,8 @@ def write_case_notes(data: Data, case: str, summaries: dict[tuple, Summary]) -> 
     length = data.cases.get(case, {}).get("own_length")
     for part in (1e-2, 1e-3):
         target = part * (length or 1.0)
-        limit = f"{100 * part:g} % ({format_number(target)})" if length else format_power(part)
+        of_length = f"{100 * part:g} % of the own length ({format_number(target)})"
+        limit = of_length if length else format_power(part)
         found = [cost.step_for_violation(s.runs, target) for s in own if s.runs.violates]
         found = [c for c in found if c is not None]
         if found:

@@ -51,7 +51,8 @@ class Study:
         outcomes = Counter(row["status"] for row in self.rows)
         counted = ", ".join(f"{count} {status}" for status, count in outcomes.most_common())
         unknown = {r["case"] for r in self.rows if r.get("reference") == "none"}
-        blind = f"; errors of {len(unknown)} cases not known: no reference" if unknown else ""
+        cases = f"{len(unknown)} case{'s' * (len(unknown) != 1)}"
+        blind = f"; errors of {cases} not known: no reference" if unknown else ""
         return (
             f"Study({len(self.rows)} runs of {len(self.cases)} cases with {len(self.solvers)} "
             f"solvers: {counted or 'none'}{blind})"

@@ -3,9 +3,9 @@
 Methods with error bars (nsbench.error_bars) are run with long steps, then with the steps at which
 their bar would be the error asked for. Of any other method two runs with shorter steps are compared
 with it: the difference over 1 - (their step) / (the step) estimates its error, exactly for order
-one, from above for a higher order; the larger one counts. The steps are not halved: where a method
-chatters about a surface, a step and half of it can both end on that surface by chance, and no other
-step does. Methods that control their error by a tolerance are run at their default one, and what
+one, from above for a higher order; the larger one counts. Their numbers of steps are no multiples of
+its own: where a method chatters about a surface, a step and half of it can both end on that surface
+by chance. Methods that control their error by a tolerance are run at their default one, and what
 they claim is taken.
 """
 
@@ -29,13 +29,15 @@ from nsbench.trajectory import Trajectory
 SAFETY = 0.8  # of the error asked for, which the next run is to have
 LEAST = 1.0 / 32.0  # an accuracy changes by no more at once: what is known of it is not local
 RUNS = 14
-DIGITS = 3  # of a step
+DIGITS = 3  # of a step, at least
+MOST_DIGITS = 10
 ROUNDING = 1e-9  # of a number of steps between samples
 SHORTER = (0.72, 0.55)  # of a step: those of the runs with which its run is compared
 FIRST_STEPS = 32  # of the first run, at least
 MOST_STEPS = 5_000_000
 PROVEN = "proven bound"
 ESTIMATED = "estimate"
+SEEN = "its violations are seen, its error is not known"
 COMPARED = "estimate from shorter steps"
 CLAIMED = "claimed by the method"
 
@@ -157,7 +159,8 @@ class _Search:
         self.demand = demand
         self.by_stiffness = method.accuracy == "k"
         span = float(case.t[-1] - case.t[0])
-        step = min(float(np.diff(case.t).min()), span / FIRST_STEPS)
+        self.spacing = float(np.diff(case.t).min())
+        step = min(self.spacing, span / FIRST_STEPS)
         stiffness = float(getattr(method, "ladder", (method.default,))[0])
         stiffness *= accuracy_unit(method, case)
         self.first = stiffness if self.by_stiffness else step
@@ -180,11 +183,18 @@ class _Search:
         return Choice(self.spec, self.method.accuracy, why=f"Not reached: {last}.")
 
     def _printed(self, value: float) -> float:
-        """Round to the digits that are printed, to the side of the smaller error: what is printed
-        is what was run."""
-        unit = 10.0 ** (math.floor(math.log10(value)) - DIGITS + 1)
-        rounded = math.ceil if self.by_stiffness else math.floor
-        return float(f"{rounded(value / unit) * unit:.{DIGITS - 1}e}")
+        """Round to the digits that are printed, or to more of a step where fewer would give another
+        number of steps between samples: what is printed is what was run."""
+        if self.by_stiffness:
+            return _rounded_up(value, DIGITS)
+        steps = self._steps(value)
+        step = self.spacing / steps
+        tried = (_rounded_up(step, digits) for digits in range(DIGITS, MOST_DIGITS))
+        return next((v for v in tried if self._steps(v) == steps), step)
+
+    def _steps(self, value: float) -> int:
+        """Return the number of steps of about this length between two samples."""
+        return math.ceil(self.spacing / value * (1.0 - ROUNDING))
 
     def _is_too_long(self, value: float) -> bool:
         span = float(self.case.t[-1] - self.case.t[0])
@@ -199,12 +209,18 @@ class _Search:
             return run, known, math.inf
         has_bars = getattr(self.method, "has_error_bars", False)
         bars = traj.bound if has_bars else self._compared(value, traj)
+        over = 0.0
+        violation = _violation(self.case, traj)
+        if self.demand.overlap < math.inf:
+            over = violation / self.demand.overlap
         if bars is None or not np.isfinite(np.max(bars.state)):
             why = bars.why if bars is not None else "a run with a shorter step failed"
-            return run, Choice(self.spec, self.method.accuracy, why=why), math.inf
+            blind = Choice(self.spec, self.method.accuracy, violation=violation, why=why)
+            if self.demand.error == math.inf:  # what is asked for is seen in the run itself
+                return run, replace(blind, accuracy=value, sure=SEEN), over
+            return run, blind, math.inf
         sure = COMPARED if not has_bars else PROVEN if bars.is_proven else ESTIMATED
         error = float(np.max(bars.state))
-        violation = _violation(self.case, traj)
         found = Choice(
             self.spec,
             self.method.accuracy,
@@ -217,39 +233,39 @@ class _Search:
             sure,
             bars.why,
         )
-        over = violation / self.demand.overlap if np.isfinite(self.demand.overlap) else 0.0
         return run, found, max(error / self.demand.error, over)
 
-    def _finer(self, value: float, part: float) -> float:
-        """Return an accuracy at which about `part` of the step is taken, or of 1 / k.
+    def _finer(self, value: float) -> list[float]:
+        """Return accuracies at which about SHORTER parts of the step are taken, or of 1 / k.
 
-        An odd number of steps between samples is compared with even ones, and an even one with odd
-        ones: a method that chatters is back on the surface after every second step.
+        The numbers of steps between samples have no divisor in common with that of the step, and
+        are even where it is odd: a method that chatters with any period is back on the surface at
+        the samples for some numbers of steps, and their multiples.
         """
         if self.by_stiffness:
-            return value / part
-        spacing = float(np.diff(self.case.t).min())
-        steps = math.ceil(spacing / value * (1.0 - ROUNDING))
-        more = math.ceil(steps / part)
-        return spacing / (more + 1 if more % 2 == steps % 2 else more)
+            return [value / part for part in SHORTER]
+        steps = self._steps(value)
+        counts: list[int] = []
+        for part in SHORTER:
+            more = max(math.ceil(steps / part), steps + 1)
+            while more % 2 == steps % 2 or math.gcd(more, steps) > 1 or more in counts:
+                more += 1
+            counts.append(more)
+        return [self.spacing / more for more in counts]
 
     def _compared(self, value: float, traj: Trajectory) -> ErrorBars | None:
         """Return error bars of `traj` from runs with shorter steps; None if one failed."""
         from nsbench.error_bars import Bars
 
-        nothing = np.full(len(traj.t), np.nan)
-        bars = np.array([0.0 * nothing, nothing, nothing])  # of state, reaction, impulse
-        for part in SHORTER:
-            finer = self._finer(value, part)
+        bars = np.full((3, len(traj.t)), np.nan)  # of state, reaction, impulse
+        for finer in self._finer(value):
             run = ScaledRun(self.method, self.case, finer)
             other = run.check_and_convert(run())
             if not other.status.ok:
                 return None
-            taken = part
+            taken = value / finer
             if not self.by_stiffness:
                 taken = other.stats.get("h", finer) / traj.stats.get("h", value)
-            if not taken < 1.0:
-                continue  # the grid of samples leaves it the same step
             pairs = (
                 (traj.x, other.x, True),
                 (traj.reaction, other.reaction, traj.reaction.size > 0),
@@ -261,6 +277,12 @@ class _Search:
                     bars[k] = np.fmax(bars[k], apart)
         found = Bars(traj.t, *bars)
         return ErrorBars(lambda: found)
+
+
+def _rounded_up(value: float, digits: int) -> float:
+    """Round a positive number up to so many significant digits; one that has them stays."""
+    unit = 10.0 ** (math.floor(math.log10(value)) - digits + 1)
+    return float(f"{math.ceil(value / unit * (1.0 - ROUNDING)) * unit:.{digits - 1}e}")
 
 
 def _seconds(run: ScaledRun) -> float:

@@ -226,3 +226,5 @@ def test_a_case_of_a_file_is_checked_with_its_parameters(tmp_path, capsys):
     assert main(["check", f"{file}[b=0.5]"]) == 0
     assert "floor[b=0.5]" in capsys.readouterr().out
     assert main(["check", f"{file}[b=2.0]"]) == 3
+    assert main(["check", f"{file}[c=2.0]"]) == 3
+    assert "1 point to correct" in capsys.readouterr().out

@@ -94,7 +94,7 @@ def test_a_run_that_ends_otherwise_from_a_start_beside_is_told_with_its_reason()
     said = _ended_otherwise(read(kept), read([kept[0], lost]), "starts 1e-12 apart, 1")
     assert list(said) == [("tide", "pbd")]
     assert said["tide", "pbd"] == (
-        "tide pbd: 1 run of starts 1e-12 apart, 1 ended otherwise, the first (h = 0.0303) as "
-        "degenerate No motion continues."
+        "tide pbd: 1 run ended otherwise in the pass 'starts 1e-12 apart, 1', not to be held; the "
+        "first (h = 0.0303): degenerate No motion continues."
     )
     assert not _ended_otherwise(read(kept), read(kept), "")

@@ -248,3 +248,7 @@ def test_a_multiplier_by_its_contact():
     found = traj.multiplier((0, 0))
     np.testing.assert_allclose(np.cumsum(found * np.diff(traj.t)), traj.impulse[1:, 0], atol=1e-14)
     assert found.max() > 0.1 and not traj.multiplier((3, 1)).any()
+    traj = nsbench.solve("three_discs", solver="pbd", h=0.01)
+    (family, i, j), *_ = traj.contacts
+    np.testing.assert_array_equal(traj.multiplier((family, j, i)), traj.multiplier((family, i, j)))
+    assert traj.multiplier((family, i, j)).any()

@@ -81,5 +81,5 @@ def test_a_study_says_whose_errors_are_not_known():
     assert "not known" not in repr(nsbench.run("tide", "pbd", h=0.05))
     own = nsbench.get_case("tide").replace(exact=None, exact_impulse=None, name="own")
     assert repr(nsbench.run(own, "pbd", h=0.05)).endswith(
-        "1 ok; errors of 1 cases not known: no reference)"
+        "1 ok; errors of 1 case not known: no reference)"
     )

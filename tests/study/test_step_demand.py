@@ -1,9 +1,11 @@
 """What `nsbench step` is asked for, and whether an estimate from shorter steps can be relied on."""
 
+import math
+
 import numpy as np
 import pytest
 
-from nsbench import Case, Complementarity, Distance, errors, get_case, solve, solvers
+from nsbench import Case, Complementarity, Distance, Filippov, errors, get_case, solve, solvers
 from nsbench.study import step_choice
 from nsbench.study.step_choice import Demand, choose, demand_of
 
@@ -55,3 +57,32 @@ def test_a_step_that_ends_on_the_surface_by_chance_is_not_believed(h):
 def test_the_step_that_is_printed_is_the_step_that_was_run():
     choice = choose(get_case("sliding"), "euler", Demand(1e-2))
     assert float(f"{choice.accuracy:.3g}") == choice.accuracy
+
+
+def test_a_chatter_of_period_three_is_not_believed_either():
+    """x' = -2 above and 1 below x = 0: explicit Euler is back at 0 after every third step."""
+    field = lambda xp: lambda t, x, s: xp.stack((-0.5 - 1.5 * s[0],))
+    problem = Filippov.signs(field, lambda xp: lambda t, x: x[0:1])
+    case = Case("asym", problem, np.zeros(1), np.linspace(0.0, 1.0, 13))
+    search = step_choice._Search(case, "euler", solvers.get("euler"), Demand(1e-6))
+    assert np.abs(solve(case, solver="euler", h=1 / 36).x).max() < 1e-12
+    assert search._tried(1 / 36)[1].error > 1e-3
+
+
+@pytest.mark.parametrize("intervals", [64, 50, 12, 7])
+def test_what_is_printed_takes_the_steps_that_were_meant(intervals):
+    case = get_case("sliding").replace(t=np.linspace(0.0, 1.0, intervals + 1))
+    search = step_choice._Search(case, "euler", solvers.get("euler"), Demand(1e-2))
+    for steps in range(1, 30):
+        printed = search._printed(search.spacing / steps)
+        assert search._steps(printed) == steps and search._printed(printed) == printed
+        one, two = (search._steps(v) for v in search._finer(printed))
+        assert one != two and math.gcd(one, steps) == math.gcd(two, steps) == 1
+
+
+def test_an_overlap_is_seen_where_no_error_bar_can_be_had():
+    """Two samples are too few for error bars."""
+    case = get_case("tide").replace(t=np.array([0.0, 1.0]))
+    assert not choose(case, "pbd", Demand(0.1)).is_found
+    found = choose(case, "pbd", Demand(math.inf, 0.1))
+    assert found.is_found and found.violation <= 0.1 and "not known" in found.sure

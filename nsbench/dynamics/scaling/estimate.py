@@ -89,8 +89,10 @@ def _estimate(case: Case, span: float) -> Scale:
     else:
         own = np.where(moved > 0.0, moved, sizes)
         later = np.max([_speeds_around(f, x0, moved) for f, _ in fields], axis=0)
-        far = np.minimum(np.max(linear, axis=0), span * later)
-        own = _filled(np.where((far > FARTHER * own) & np.isfinite(far) & (own > 0.0), far, own))
+        beside = np.max(linear, axis=0)
+        # of a linearised motion that overflows, which something must hold back, nothing is known
+        far = np.where(np.isfinite(beside), np.minimum(beside, span * later), 0.0)
+        own = _filled(np.where((far > FARTHER * own) & (own > 0.0), far, own))
     return Scale(_time(case, [v for _, v in fields], own, span), own)
 
 

@@ -214,3 +214,11 @@ def test_a_start_that_is_next_to_nothing_is_no_size(spec, accuracy, near, start)
     runs = [solvers.solve(case, spec, **accuracy) for case in cases]
     assert [r.status.code for r in runs] == ["ok", "ok"]
     assert np.abs(runs[1].x - runs[0].x).max() <= near + 10.0 * start
+
+
+def test_a_linearised_motion_that_overflows_is_no_size():
+    """x' = 2e6 x - 1e4 s is held at 0 by its relay; without it x would be exp(2e6) at the end."""
+    field = lambda xp: lambda t, x, s: xp.stack((2e6 * x[0] - 1e4 * s[0], 1e6 * x[0]))
+    problem = Filippov.signs(field, lambda xp: lambda t, x: x[0:1])
+    case = Case("relay", problem, np.array([1e-3, 0.0]), np.linspace(0.0, 1.0, 11))
+    assert np.all(case_scale(case).state < 0.1)

@@ -161,7 +161,7 @@ def leads_away(run, m, t, longest):
             both = both and h > 0.0 and abs(D[row, 0]) <= band and D[row, 1] > 0.0
             both = both and lift_time(D, row, p, h, band) > 0.0
             cross_kink(programs, 2 * k)
-        if both:
+        if both and found < 0:
             found = k
     return found
 
