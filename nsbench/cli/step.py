@@ -41,8 +41,8 @@ def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
         say("None of them keeps what is asked for, as far as is known.")
     else:
         say(
-            f"Take {best.method} with {best.name} = {best.accuracy:.{DIGITS}g}: {best.seconds:.2g} s a "
-            f"run, {best.sure}."
+            f"Take {best.method} with {best.name} = {best.accuracy:.{DIGITS}g}: "
+            f"{best.seconds:.2g} s a run, {best.sure}."
         )
     return FINE if best else FAILED
 

@@ -99,14 +99,15 @@ def _ended_otherwise(data: Data, again: Data, title: str) -> dict[tuple[str, str
     said = {}
     for key, runs in again.runs.items():
         before = dict(zip(data.runs[key].col["asked"], data.runs[key].good, strict=True))
-        changed = [k for k, asked in enumerate(runs.col["asked"]) if runs.good[k] != before.get(asked)]
+        asked = runs.col["asked"]
+        changed = [k for k, value in enumerate(asked) if runs.good[k] != before.get(value)]
         if changed:
             first = changed[0]
             status = f"{runs.col['status'][first]} {runs.col['why'][first]}".strip()
             said[key] = (
                 f"{' '.join(key)}: {format_count(len(changed), 'run')} ended otherwise in the pass "
                 f"'{title}', not to be held; the first ({runs.accuracy} = "
-                f"{runs.col['asked'][first]:g}): {status}"
+                f"{asked[first]:g}): {status}"
             )
     return said
 

@@ -3,10 +3,10 @@
 Methods with error bars (nsbench.error_bars) are run with long steps, then with the steps at which
 their bar would be the error asked for. Of any other method two runs with shorter steps are compared
 with it: the difference over 1 - (their step) / (the step) estimates its error, exactly for order
-one, from above for a higher order; the larger one counts. Their numbers of steps are no multiples of
-its own: where a method chatters about a surface, a step and half of it can both end on that surface
-by chance. Methods that control their error by a tolerance are run at their default one, and what
-they claim is taken.
+one, from above for a higher order; the larger one counts. Their numbers of steps are no multiples
+of its own: where a method chatters about a surface, a step and half of it can both end on that
+surface by chance. Methods that control their error by a tolerance are run at their default one, and
+what they claim is taken.
 """
 
 from __future__ import annotations

@@ -158,7 +158,8 @@ def error_bar_chart(methods: Methods, x_title: str, y_title: str) -> Spec:
         "field": "bar",
         "type": "nominal",
         "scale": {"domain": ["bound", "estimate"], "range": ["circle", "triangle-up"]},
-        "legend": {"title": None, "orient": "bottom"},
+        # grey shows on light and dark pages
+        "legend": {"title": None, "orient": "bottom", "symbolFillColor": "#808080"},
     }
     look = {"color": _colour(methods), "shape": shape, "opacity": _opacity()}
     return _beside_equal("run", x_title, y_title, look, ["case", "method", "h", "bar"], PICK, ZOOM)
