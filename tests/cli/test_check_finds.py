@@ -220,7 +220,8 @@ def test_a_case_of_a_file_is_checked_with_its_parameters(tmp_path, capsys):
         "def make(b: float = 0.0):\n"
         "    drift = lambda xp: lambda t, x: 0.0 * x - 1.0\n"
         "    floor = Affine(np.eye(1), np.array([-b]))\n"
-        "    return Case('floor', Complementarity(drift, (floor,)), np.ones(1), np.linspace(0, 2, 9))\n"
+        "    problem = Complementarity(drift, (floor,))\n"
+        "    return Case('floor', problem, np.ones(1), np.linspace(0, 2, 9))\n"
     )
     assert main(["check", str(file)]) == 0
     assert main(["check", f"{file}[b=0.5]"]) == 0

@@ -243,7 +243,7 @@ def test_what_a_method_forgets_to_return_is_named(tmp_path, run, prepare, senten
 
 
 def test_a_multiplier_by_its_contact():
-    """tide: g = x - b(t) of one row; means of lambda over the intervals, and zeros of no contact."""
+    """tide: g = x - b(t) of one row; means of lambda over the intervals, zeros of no contact."""
     traj = nsbench.solve("tide", solver="pbd", h=0.01)
     found = traj.multiplier((0, 0))
     np.testing.assert_allclose(np.cumsum(found * np.diff(traj.t)), traj.impulse[1:, 0], atol=1e-14)

@@ -42,7 +42,8 @@ WITHOUT_EFFECT = {
     "nsbench/report/summary.py: code = statuses.most_common(1)[0][0] -> 2": (
         "the first of the two commonest is the commonest"
     ),
-    'nsbench/report/style.py: return text if len(text) <= limit else text[: limit - 1] + "…" -> <': (
+    "nsbench/report/style.py: return text if len(text) <= limit "
+    'else text[: limit - 1] + "…" -> <': (
         "cuts a sentence of exactly 600 characters; the gate holds numbers and statuses"
     ),
     'nsbench/measure/multiplier_times.py: return out | {"lam_own": out[OWN[traj.lam_time]], '
