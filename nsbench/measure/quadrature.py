@@ -11,6 +11,7 @@ from collections.abc import Iterable
 import numpy as np
 
 NODES = 6
+SPIKE = 4.0  # times the changes of slope nearby: one that is a kink or jump
 
 
 def kinked_intervals(t: np.ndarray, changed: np.ndarray, events: Iterable[float]) -> np.ndarray:
@@ -41,10 +42,17 @@ def integrals(t: np.ndarray, F: np.ndarray, kinked: np.ndarray) -> tuple[np.ndar
     Else the trapezoid; estimate: L D^2 / 4. It would be a bound with L >= |F'|; for L stands the
     largest slope of a chord between samples, over this interval and the two on each side (before
     and after a kink F moves as it does there).
+
+    So it is also where the samples of F show a kink or a jump (`torn_intervals`: a field with abs,
+    sign, floor or where); half of the change of F times D is added to the estimate, which is the
+    error at most if F is monotone there and, as the trapezoid's, of a jump beside a sample.
     """
     D = np.diff(t)[:, None]
     value = 0.5 * D * (F[1:] + F[:-1])
     estimate = 0.25 * D**2 * around(np.abs(np.diff(F, axis=0)) / D)
+    torn = torn_intervals(t, F)
+    estimate += 0.5 * D * np.abs(np.diff(F, axis=0)) * torn
+    kinked = kinked | torn.any(axis=1)
     smooth = np.zeros_like(estimate)
     # rounding of t + dt leaves spacings that differ in their last digits; to the rule they are
     # equal
@@ -77,6 +85,28 @@ def integrals(t: np.ndarray, F: np.ndarray, kinked: np.ndarray) -> tuple[np.ndar
         estimate[k] = 0.0
     # the change passes through zero where a derivative does; its neighbours do not
     return value, np.where(estimate == 0.0, around(smooth), estimate)
+
+
+def torn_intervals(t: np.ndarray, F: np.ndarray) -> np.ndarray:
+    """Mark the intervals in which F (k, n) jumps or has a kink, as its samples show, (k - 1, n).
+
+    Where the change of its slope from interval to interval is SPIKE times as large as all others
+    two and three samples away, on both sides of that sample: of a smooth F that the samples
+    resolve, none is. At the ends there is nothing to compare with.
+    """
+    torn = np.zeros((len(t) - 1, F.shape[1]), bool)
+    bend = np.abs(np.diff(np.diff(F, axis=0) / np.diff(t)[:, None], axis=0))
+    k = len(bend)
+    away = [s for s in (-3, -2, 2, 3) if k > abs(s)]
+    if not away:
+        return torn
+    at = np.arange(k)
+    others = [np.where(((at + s) % k == at + s)[:, None], bend[(at + s) % k], 0.0) for s in away]
+    least = 1e-9 * np.abs(F).max(axis=0, initial=0.0) / np.diff(t).min()
+    spike = bend > np.maximum(SPIKE * np.max(others, axis=0), least)
+    torn[:-1] |= spike
+    torn[1:] |= spike
+    return torn
 
 
 def around(values: np.ndarray) -> np.ndarray:

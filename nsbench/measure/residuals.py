@@ -14,8 +14,9 @@ complementarity  largest over intervals of (gap at both ends)^+ x mean multiplie
 residual         largest over intervals of (|x_{k+1} - x_k - int f - (R_{k+1} - R_k)| - q)^+ / D, a
                  velocity, and of the same for R_{k+1} - R_k = sum of impulse x gradient; int f by
                  quadrature over the samples, whose error is estimated by q (see quadrature; order
-                 six, and two at kinks). Of the order of the method, down to O(D^2) in intervals
-                 that hold several events, which samples D apart cannot tell from a defect.
+                 six, two at kinks of f, one at its jumps). Of the order of the method, down to
+                 O(D^2) in intervals that hold several events, which samples D apart cannot tell
+                 from a defect.
                  Filippov: distance of (x_{k+1} - x_k) / D to the convex hull of the fields' means,
                  over the modes that the weights theta allow (between 0 and 1: both sides); a mean
                  of products is not the product of means, which is allowed for by a quarter of the

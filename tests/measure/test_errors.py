@@ -176,6 +176,36 @@ def test_the_quadrature_keeps_its_bound():
             assert np.all(np.abs(value[:, 0] - exact) <= bound[:, 0] + 1e-15)
 
 
+@pytest.mark.parametrize("jump", (0.0, 0.03, 1.0))
+def test_the_quadrature_keeps_its_bound_at_kinks_and_jumps_that_no_event_tells(jump):
+    rng = np.random.default_rng(4)
+    for n in (17, 33):
+        t = np.linspace(0, 2, n)
+        for place in (*rng.uniform(0.3, 1.7, 40), 1.0):
+            F = np.sin(t) + np.abs(t - place) + jump * (t >= place)
+            sure = (t - place) * np.abs(t - place) / 2 + jump * np.maximum(t - place, 0.0)
+            value, bound = integrals(t, F[:, None], np.zeros(n - 1, bool))
+            exact = np.diff(sure - np.cos(t))
+            far = np.abs((t[1:] + t[:-1]) / 2 - place) > 6 * t[1]
+            assert np.all(np.abs(value[:, 0] - exact) <= 1.2 * bound[:, 0] + 1e-15)
+            assert bound[far].max() < 1e-5
+
+
+def test_a_field_that_jumps_between_samples_shows_no_defect_of_an_exact_run():
+    def saw(t, x, s):
+        return np.stack((3 * t % 1, s[0] + np.sin(t)))
+
+    problem = Filippov(None, lambda xp: lambda t, x: x[1:2], lambda xp: saw, 1)
+    t = np.linspace(0.0, 2.0, 33)
+    case = Case("saw", problem, (0.0, 1.0), t)
+    teeth = np.floor(3 * t)
+    x = np.stack(((teeth + (3 * t - teeth) ** 2) / 6, 2 + t - np.cos(t)), axis=1)
+    for factor, residual in ((1.0, 0.0), (1.01, 0.01)):
+        run = Trajectory(t, x * (factor, 1.0), ((0, 0),), t[:, None], np.zeros((33, 0)))
+        found = nsbench.errors(case, run)["residual"]
+        assert found == pytest.approx(residual, abs=1e-13 + 0.5 * residual)
+
+
 def test_distance_to_a_hull_is_that_of_the_nearest_mixture():
     rng = np.random.default_rng(6)
     weights = rng.dirichlet(np.ones(4) * 0.7, 20000)
