@@ -12,6 +12,7 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.solvers.base import Claims, Expect, Run, Solver, grid
 from nsbench.solvers.common.extrapolation import combined, weights
+from nsbench.trajectory import Trajectory
 
 METHODS = ("pbd", "catching_up")
 SETTLING = Expect(
@@ -119,7 +120,11 @@ class Richardson:
             )
             return lambda: refused(case, why)
         runs = [self.base.prepare(case, h / 2**level) for level in range(self.levels)]
-        return lambda: combined([run() for run in runs], h)
+
+        def finer() -> Trajectory:
+            return self.base.prepare(case, h / 2**self.levels)()
+
+        return lambda: combined([run() for run in runs], h, finer)
 
 
 SOLVER = Richardson

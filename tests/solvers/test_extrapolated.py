@@ -10,6 +10,8 @@ from nsbench.solvers import get
 from nsbench.solvers.common.extrapolation import combined, weights
 from nsbench.trajectory import Status, Trajectory
 
+FIELDS = ("t", "x", "contacts", "impulse", "reaction")
+
 
 def test_weights_cancel_the_first_powers():
     assert np.allclose(weights(1), [-1, 2]) and np.allclose(weights(2), np.array([1, -6, 8]) / 3)
@@ -169,3 +171,30 @@ def test_steps_that_cannot_be_halved_are_refused():
     for option, text in (("method=euler", "method"), ("levels=4", "levels")):
         with pytest.raises(ValueError, match=text):
             get(f"richardson[{option}]")
+
+
+@pytest.mark.parametrize(
+    "spec, name, accuracies",
+    [
+        ("richardson", "tide", (0.05, 0.0125, 0.003125)),
+        ("richardson", "wedge", (0.05, 0.0125, 0.003125)),
+        ("richardson[levels=3]", "discs[n=3]", (0.05, 0.0125, 0.003125)),
+        ("richardson[method=catching_up]", "obstacle", (0.05, 0.0125)),
+        ("penalty[extrapolate=1]", "tide", (300.0, 5000.0)),
+    ],
+)
+def test_error_bars_are_one_to_ten_times_the_error(spec, name, accuracies):
+    """The difference to one level less was 1e5 times too large: it knew nothing of the order."""
+    case = get_case(name)
+    for value in accuracies:
+        found = errors(case, solve(case, spec, **{get(spec).accuracy: value}))
+        for bar, error in (("estimate_state", "state_sup"), ("estimate_reaction", "reaction")):
+            assert 1.0 <= found[bar] / found[error] < 10.0, (value, bar)
+
+
+def test_a_run_whose_finer_one_fails_has_no_error_bars():
+    t = np.linspace(0, 1, 3)
+    good = Trajectory(t, np.ones((3, 1)), ((0, 0),), *(np.zeros((3, 1)) for _ in range(2)))
+    broken = Trajectory(*(getattr(good, n) for n in FIELDS), Status("diverged", "It left."))
+    bars = combined([good, good], 0.1, lambda: broken).bound
+    assert np.isnan(bars.state).all() and "half the last step" in bars.why

@@ -5,6 +5,7 @@ Source: Richardson 1911; Hairer, Norsett & Wanner I, II.9.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -28,7 +29,9 @@ def weights(times: int) -> np.ndarray:
     return w
 
 
-def combined(runs: list[Trajectory], h: float) -> Trajectory:
+def combined(
+    runs: list[Trajectory], h: float, finer: Callable[[], Trajectory] | None = None
+) -> Trajectory:
     """Return the extrapolated trajectory of runs at halved accuracies.
 
     Impulses are those of the contacts that acted in any of them.
@@ -36,7 +39,7 @@ def combined(runs: list[Trajectory], h: float) -> Trajectory:
     Its states are not feasible, nor its multipliers of one sign, to better than their error. A run
     that failed fails it, with the first sentence; work is added up. stats["spread"]: the largest
     difference from the same extrapolation with one level less (from the last run, for two), an
-    estimate of that one's error.
+    estimate of that one's error. finer: makes the run at half the last accuracy, for error bars.
     """
     w = weights(len(runs) - 1)
     last = weights(len(runs) - 2)
@@ -51,33 +54,42 @@ def combined(runs: list[Trajectory], h: float) -> Trajectory:
         spread = float(np.abs(x - before).max(initial=0.0))
     stats = _work([r.stats for r in runs]) | {"h": h, "spread": spread}
     bad = next((r.status for r in runs if not r.status.ok), Status())
+    reaction = _sum(w, [r.reaction for r in runs])
+    bars = ErrorBars(lambda: _bars(runs, finer, x, reaction)) if finer else None
     return Trajectory(
         runs[0].t,
         x,
         contacts,
         _sum(w, impulses),
-        _sum(w, [r.reaction for r in runs]),
+        reaction,
         bad,
         (),
         stats,
         runs[0].lam_time,
         between=_between(runs[-1], contacts),
         resolution=_resolution(runs),
-        bound=_level_difference(runs, x - before) if runs[0].reaction.size else None,
+        bound=bars if runs[0].reaction.size else None,
     )
 
 
-def _level_difference(runs: list[Trajectory], difference: np.ndarray) -> ErrorBars:
-    """Return error bars from the difference (k, n) to the extrapolation with one level less.
+# An error of order p changes by 1 - 2^-p of itself when all accuracies are halved: by a half at
+# least. The difference is doubled, so that it is at least the error wherever the order is one.
+DOUBLED = 2.0
 
-    It estimates the error of that one, which is the larger one where the expansion in h holds. The
-    reaction differs likewise.
-    """
-    reactions = [r.reaction for r in runs]
-    off = _sum(weights(len(runs) - 1), reactions) - _sum(weights(len(runs) - 2), reactions[1:])
-    state, reaction = (np.linalg.norm(a, axis=1) for a in (difference, off))
-    bars = Bars(runs[0].t, state, reaction, np.full(len(state), np.nan))
-    return ErrorBars(lambda: bars)
+
+def _bars(runs: list[Trajectory], finer: Callable[[], Trajectory], x: np.ndarray, reaction) -> Bars:
+    """Return error bars of the extrapolation x, reaction (k, n) of runs: DOUBLED times its distance
+    to that of halved accuracies, which takes one more run."""
+    last = finer()
+    t = runs[0].t
+    if not last.status.ok or len(last.t) != len(t):
+        why = "The run with half the last step, which error bars take, did not reach its end."
+        return Bars.none(t, why)
+    halved = [*runs[1:], last]
+    w = weights(len(runs) - 1)
+    off = x - _sum(w, [r.x for r in halved]), reaction - _sum(w, [r.reaction for r in halved])
+    state, push = (DOUBLED * np.linalg.norm(a, axis=1) for a in off)
+    return Bars(t, state, push, np.full(len(t), np.nan))
 
 
 def _between(finest, contacts):

@@ -231,9 +231,12 @@ class Penalty:
             return lambda: _nothing(case, why)
         levels = [k * 2.0**level for level in range(self.extrapolate + 1)]
 
+        def at(level: float) -> Trajectory:
+            return build_trajectory(self, case, level, k, march(level))
+
         def run() -> Trajectory:
-            runs = [build_trajectory(self, case, level, k, march(level)) for level in levels]
-            return combined(runs, 1.0 / k) if self.extrapolate else runs[0]
+            runs = [at(level) for level in levels]
+            return combined(runs, 1.0 / k, lambda: at(2.0 * levels[-1])) if runs[1:] else runs[0]
 
         return run
 
