@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from scipy.linalg.lapack import dpotrf, dpotrs
 
 from nsbench.dynamics.contacts.candidates import PAIR, CandidateContacts
 from nsbench.dynamics.contacts.constraint_set import ConstraintSet, near_of
@@ -14,7 +13,8 @@ from nsbench.dynamics.contacts.constraint_set import ConstraintSet, near_of
 # Relative to the diagonal of the Gram matrix of unit normals: contacts that are dependent up to
 # this are closed as one, not each for itself.
 DAMPING = 1e-10
-LARGE = 6  # rows from which a stack of Gram matrices takes longer than each for itself
+LARGE = 6  # rows from which Gram matrices are factored by the compiled kernel
+PIVOTS = 8  # rounds of block pivoting
 ROUNDING = 1e-14  # of the state: steps that end an iteration
 TIME_STEP = 2.0**-20  # of own time, for the rate at which a moving constraint moves
 
@@ -43,6 +43,8 @@ class ContactRows:
         self._unit_rows = self._rows / self._sizes[:, None]
         self.is_straight = len(rows) == self.m
         self.is_moving = scene.moving
+        smooth = enumerate(self.layout.smooth)
+        self._families = [(scene.smooth(s), sel) for s, sel in smooth if sel.size]
 
     def gaps(self, t: np.ndarray, X: np.ndarray) -> np.ndarray:
         """Return (K, m) the gaps, each divided by the length of its gradient."""
@@ -55,7 +57,7 @@ class ContactRows:
         if rows.size:
             b = np.array([self.scene.b(float(s))[self.near.p[rows]] for s in self._times(t)])
             g[:, rows] = (X @ self._rows.T + b) / self._sizes
-        for fam, sel in self._smooth():
+        for fam, sel in self._families:
             for k, (s, x) in enumerate(zip(t, X, strict=True)):
                 size = np.linalg.norm(fam.gradient(float(s), x)[self.near.p[sel]], axis=1)
                 g[k, sel] = fam.g(float(s), x)[self.near.p[sel]] / size
@@ -74,10 +76,6 @@ class ContactRows:
                 ends = np.array([self.scene.anchors(float(s))[j] for s in self._times(t)])
                 yield sel, (i, None), X[:, i] - ends
 
-    def _smooth(self):
-        families = [self.scene.smooth(s) for s in range(len(self.layout.smooth))]
-        return [(f, sel) for f, sel in zip(families, self.layout.smooth, strict=True) if sel.size]
-
     def gradients(self, t: np.ndarray, X: np.ndarray) -> np.ndarray:
         """Return (K, m, n) the gradients, scaled to length one."""
         if self.is_straight:
@@ -93,7 +91,7 @@ class ContactRows:
             N[:, sel[:, None], i] = unit
         if self.layout.rows.size:
             N[:, self.layout.rows] = self._unit_rows
-        for fam, sel in self._smooth():
+        for fam, sel in self._families:
             for k, (s, x) in enumerate(zip(t, X, strict=True)):
                 rows = fam.gradient(float(s), x)[self.near.p[sel]]
                 N[k, sel] = rows / np.linalg.norm(rows, axis=1, keepdims=True)
@@ -156,6 +154,14 @@ def multipliers(N: np.ndarray, g: np.ndarray, is_refined: bool = False) -> np.nd
 
     is_refined: with a step of iterative refinement against the matrices without damping.
     """
+    K, m, _ = N.shape
+    if m >= LARGE and K:
+        from nsbench.error_bars.kernels.gram import gram_multipliers
+
+        q = np.empty((K, m))
+        whole = np.ascontiguousarray(N), np.ascontiguousarray(g, dtype=float)
+        if gram_multipliers(*whole, DAMPING, is_refined, q):
+            return q
     solve = _gram_solver(N)
     q = solve(g)
     if is_refined:
@@ -165,21 +171,11 @@ def multipliers(N: np.ndarray, g: np.ndarray, is_refined: bool = False) -> np.nd
 
 def _gram_solver(N: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
     """Return the function that solves the damped Gram systems of N (K, m, n) for (K, m)."""
-    K, m, _ = N.shape
+    m = N.shape[1]
     if m == 1:
         diagonal = (N * N).sum(axis=2) + DAMPING
         return lambda g: g / diagonal
-    A = [M @ M.T for M in N] if K == 1 or m >= LARGE else N @ N.transpose(0, 2, 1)
-    diagonal = np.arange(m)
-    for gram in A:
-        gram[diagonal, diagonal] += DAMPING
-    if isinstance(A, list) and m:  # Cholesky factors, which serve the refinement as well
-        factors = [dpotrf(gram, lower=1) for gram in A]
-        if not any(failed for _, failed in factors):
-            return lambda g: np.array(
-                [dpotrs(L, r, lower=1)[0] for (L, _), r in zip(factors, g, strict=True)]
-            )
-    stack = np.asarray(A)
+    stack = N @ N.transpose(0, 2, 1) + DAMPING * np.eye(m)
     return lambda g: np.linalg.solve(stack, g[..., None])[..., 0]
 
 
@@ -191,14 +187,36 @@ def off_cone(N: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Split d (K, n) into N^T q with q >= 0 and a shortest rest; return rest (K, n), q (K, m).
 
     The rest is what an inclusion x' in f + N^T q lacks. Where the unconstrained q is positive it is
-    taken, else nonnegative least squares.
+    taken, else that of block pivoting, else nonnegative least squares.
     """
     q = multipliers(N, times(N, d))
     for k in np.flatnonzero((q < 0.0).any(axis=1)):
-        from scipy.optimize import nnls
+        found = _by_pivoting(N[k], d[k], q[k] > 0.0)
+        if found is None:
+            from scipy.optimize import nnls
 
-        q[k] = nnls(N[k].T, d[k])[0]
+            found = nnls(N[k].T, d[k])[0]
+        q[k] = found
     return d - _back(N, q), q
+
+
+def _by_pivoting(N: np.ndarray, d: np.ndarray, pushes: np.ndarray) -> np.ndarray | None:
+    """Return q (m,) >= 0 for which d - N^T q is shortest, N (m, n), d (n,); None without success.
+
+    pushes (m,): a guess of the rows with q > 0. All rows on the wrong side change sides at once
+    (block pivoting: Portugal, Judice & Vicente, Math. Comp. 63, 1994), which can cycle.
+    """
+    for _ in range(PIVOTS):
+        some = N[None, pushes]
+        q = np.zeros(len(N))
+        if pushes.any():
+            q[pushes] = multipliers(some, times(some, d[None]), is_refined=True)[0]
+        opens = N @ (d - q @ N) > 10.0 * DAMPING * size(d)
+        wrong = (q < 0.0) | (opens & ~pushes)
+        if not wrong.any():
+            return q
+        pushes = pushes ^ wrong
+    return None
 
 
 def least_change(N: np.ndarray, c: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
+from nsbench.dynamics.contacts.candidates import ANCHOR, PAIR
 from nsbench.error_bars.contact_rows import (
     DAMPING,
     ContactRows,
@@ -135,7 +136,7 @@ class _Piece:
         self.pushing: np.ndarray | None = None  # contacts with positive multipliers
         f = self._field(0.0, y)
         for _ in range(REPAIRS):
-            self.closed, self.open = self._contacts(dt, size(f))
+            self.closed = self._closed_contacts(dt, size(f))
             # what is closed up to CLOSED is closed up to rounding; the jump counts as residual
             if not self.closed.m or not self.closed.is_straight:
                 break
@@ -165,31 +166,52 @@ class _Piece:
         self.step = h
         self.last = self.y + h / 6.0 * (a + 2.0 * (b + c) + d)
         self.last_v = slope(h, self.last)
+        way = self.last - self.y
+        bend = 3.0 * way - h * (2.0 * self.v + self.last_v)
+        self.powers = self.y, h * self.v, bend, h * (self.v + self.last_v) - 2.0 * way
+
+    def _states(self, s):
+        """Return the states (K, n) at the times s (K,) of the piece: Horner's rule."""
+        w = (s / self.step)[:, None]
+        a, b, c, d = self.powers
+        return a + w * (b + w * (c + w * d))
 
     def _curve(self, s):
         """Return the states (K, n) and velocities (K, n) at the times s (K,) of the piece."""
         w = s[:, None] / self.step
         return hermite(w, self.step, self.y, self.last, self.v, self.last_v)
 
-    def _contacts(self, dt, speed) -> tuple[ContactRows, ContactRows]:
-        """Return the rows of the closed contacts, and of those that may close within dt."""
+    def _closed_contacts(self, dt, speed) -> ContactRows:
+        """Return the rows of the closed contacts; note those near enough to close within dt."""
+        if self.shadow.is_flat:
+            rows = self.shadow.all_rows()
+            self.near = rows.near
+            self.gaps = rows.gaps(np.array([self.t]), self.y[None])[0]
+            return self.shadow.rows([rows.ids[k] for k in np.flatnonzero(self.gaps <= CLOSED)])
+        scene = self.shadow.scene
+        self.near = scene.near(self.y, 4.0 * dt * speed + CLOSED, self.t)
+        self.gaps = scene.gaps(self.t, self.y, self.near)
+        return self.shadow.rows(self.near.take(np.flatnonzero(self.gaps <= CLOSED)).ids)
+
+    def _open_contacts(self) -> ContactRows:
+        """Return the rows of the open contacts that may close along the curve of the step.
+
+        A distance changes by at most twice the way of a particle: in a large scene that is far
+        less than the way of the whole state, by which candidates were listed.
+        """
+        is_open = self.gaps > CLOSED
         scene = self.shadow.scene
         if self.shadow.is_flat:
             rows = self.shadow.all_rows()
-            g = rows.gaps(np.array([self.t]), self.y[None])[0]
-            ids = rows.ids
-            open_ = g > CLOSED
-        else:
-            reach = 4.0 * dt * speed + CLOSED
-            near = scene.near(self.y, reach, self.t)
-            g = scene.gaps(self.t, self.y, near)
-            open_ = np.flatnonzero((g > CLOSED) & ((g <= reach) | scene.moving))
-            closed = near.take(np.flatnonzero(g <= CLOSED)).ids
-            may = near.take(open_)
-            return self.shadow.rows(closed), ContactRows(scene, may.ids, may)
-        closed = [ids[k] for k in np.flatnonzero(g <= CLOSED)]
-        may = [ids[k] for k in np.flatnonzero(open_)]
-        return self.shadow.rows(closed), self.shadow.rows(may)
+            return self.shadow.rows([rows.ids[k] for k in np.flatnonzero(is_open)])
+        if not scene.moving:
+            way = np.abs(self._states(self.length * LOOKS) - self.y).max(axis=0)
+            is_distance = (self.near.kind == PAIR) | (self.near.kind == ANCHOR)
+            apart = 2.0 * np.sqrt(3.0) * way.max()
+            # twice that: between the places that were looked at the curve may go further
+            is_open &= self.gaps <= 2.0 * np.where(is_distance, apart, size(way)) + CLOSED
+        may = self.near.take(np.flatnonzero(is_open))
+        return ContactRows(scene, may.ids, may)
 
     def _velocity(self, s, x, f) -> tuple[np.ndarray, np.ndarray]:
         """Project f on the velocities v with N v + rate >= 0; return v and the multipliers."""
@@ -224,6 +246,7 @@ class _Piece:
 
     def _stop_at_closing(self):
         """Shorten the piece to the time at which the first open contact closes."""
+        self.open = self._open_contacts()
         if not self.open.m:
             return
         looks = self.length * LOOKS
@@ -239,7 +262,7 @@ class _Piece:
         if not resting or not self.shadow.is_flat:
             return
         looks = self.length * LOOKS
-        gaps = self.shadow.rows(resting).gaps(self.t + looks, self._curve(looks)[0])
+        gaps = self.shadow.rows(resting).gaps(self.t + looks, self._states(looks))
         late = np.flatnonzero(gaps.min(axis=1) < -OUTSIDE)
         if late.size:
             self.length = float(looks[late[0] - 1] if late[0] else 0.5 * looks[0])
@@ -247,7 +270,7 @@ class _Piece:
 
     def _least_gap(self, s):
         """Return (K,) the least gap of the open contacts at the times s (K,) of the piece."""
-        return self.open.gaps(self.t + s, self._curve(s)[0]).min(axis=1)
+        return self.open.gaps(self.t + s, self._states(s)).min(axis=1)
 
     def _stop_at_release(self, q) -> bool:
         """Shorten the piece to the time at which the first acting multiplier vanishes."""
@@ -257,7 +280,7 @@ class _Piece:
         rows = self.shadow.rows(acting)
 
         def least_load(s):
-            X = self._curve(s)[0]
+            X = self._states(s)
             N = rows.gradients(self.t + s, X)
             pull = times(N, self.shadow.fields(self.t + s, X)) + rows.rates(self.t + s, X)
             return multipliers(N, -pull).min(axis=1)
@@ -299,7 +322,7 @@ class _Piece:
         controls += X[2] - bezier_middle(controls)
         F = self.shadow.fields(self.t + s, X)
         hidden = self.length * np.array(HIDDEN)
-        found = self.shadow.fields(self.t + hidden, self._curve(hidden)[0])
+        found = self.shadow.fields(self.t + hidden, self._states(hidden))
         off = found - np.array(HIDDEN_WEIGHTS) @ F
         unseen = self.length * float(np.linalg.norm(off, axis=1).max())
         rest = dX - F
