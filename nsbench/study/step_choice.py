@@ -20,7 +20,7 @@ from nsbench import solvers
 from nsbench.case import Case
 from nsbench.dynamics.contacts.tolerances import scene_of
 from nsbench.dynamics.scaling.estimate import case_scale, particle_diameter
-from nsbench.error_bars import ErrorBars
+from nsbench.error_bars import ErrorBars, without_error_bars
 from nsbench.problem import Complementarity
 from nsbench.solvers.base import Solver, accuracy_unit
 from nsbench.solvers.scaled_run import ScaledRun
@@ -208,6 +208,7 @@ class _Search:
         if not traj.status.ok:
             return run, known, math.inf
         has_bars = getattr(self.method, "has_error_bars", False)
+        has_bars = has_bars and not without_error_bars(self.case)
         bars = traj.bound if has_bars else self._compared(value, traj)
         over = 0.0
         violation = _violation(self.case, traj)

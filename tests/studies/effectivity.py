@@ -1,6 +1,6 @@
-"""Effectivity of error bars: over the true errors, for PBD and catching-up, cases and steps.
+"""Effectivity of error bars: over the true errors, for methods, cases and steps.
 
-    python tests/studies/effectivity.py [CASE ...] [--steps 3] [--own 12]
+    python tests/studies/effectivity.py [CASE ...] [--steps 3] [--own 12] [-s METHOD ...]
 
 One line for each case and method: whether its error bars are a bound or an estimate, the range of
 the effectivity of state and reaction over the steps (largest error bar over the largest error, both
@@ -27,7 +27,8 @@ BOUNDS = ("rods[n=5]", "rods[n=10]", "rods_wall", "wedge", "wedge[psi=120]", "bo
 BOUNDS = (*BOUNDS, "box_turning[side=0.8]", "tide", "duplicate", "play", "moving_floor")
 ESTIMATES = ("discs[n=3]", "discs[n=10]", "discs[n=30]", "hex", "stack", "chain", "obstacle")
 ESTIMATES = (*ESTIMATES, "bean", "epithelium", "three_discs", "two_discs", "kissing", "wheel")
-METHODS = ("pbd", "catching_up")
+METHODS = ("pbd", "catching_up", "theta", "penalty", "richardson", "penalty[extrapolate=1]")
+SOFTEST = 100.0  # times its unit: the least stiffness that is run
 SEED = 20261125
 EXACT = 1e-9  # of the size of the state: errors below are none that a method makes
 
@@ -89,9 +90,18 @@ def truth(case):
     return (traj.x, traj.reaction, 1e-10) if traj.status.ok else None
 
 
-def measured(case, method, h):
+def accuracies(case, method, count):
+    """Steps from the spacing of the samples down, or stiffnesses up, by factors of 2.7."""
+    method = get(method)
+    factors = 2.7 ** np.arange(count)
+    if method.accuracy == "k":
+        return SOFTEST * method.accuracy_unit(case) * factors
+    return float(np.diff(case.t).min()) / factors
+
+
+def measured(case, method, value):
     """Effectivity of state and reaction, least ratio at a sample, and is it a bound?"""
-    traj = nsbench.solve(case, method, h=h)
+    traj = nsbench.solve(case, method, **{get(method).accuracy: value})
     known = truth(case)
     if traj.status.code not in ("ok", "unverified", "degenerate") or known is None:
         return None
@@ -121,6 +131,7 @@ def main():
     parser.add_argument("cases", nargs="*", default=[*BOUNDS, *ESTIMATES])
     parser.add_argument("--steps", type=int, default=3)
     parser.add_argument("--own", type=int, default=0, metavar="N")
+    parser.add_argument("-s", "--methods", nargs="+", default=METHODS)
     args = parser.parse_args()
     warnings.simplefilter("ignore")
     below = []
@@ -129,26 +140,26 @@ def main():
     own = [(walls_scene, discs_scene)[k % 2](SEED + k) for k in range(args.own)]
     for case in own or map(get_case, args.cases):
         name = case.key
-        first = float(np.diff(case.t).min())
-        for method in METHODS:
+        for method in args.methods:
             if get(method).refuses(case):
                 continue
-            steps = [first / 2.7**k for k in range(args.steps)]
-            found = [m for h in steps if (m := measured(case, method, h))]
+            values = accuracies(case, method, args.steps)
+            found = [m for v in values if (m := measured(case, method, v))]
             if not found:
-                print(f"{name:24} {method:12} no error to compare with", flush=True)
+                print(f"{name:24} {method:22} no error to compare with", flush=True)
                 continue
             pairs += len(found)
             state, reaction, least, proven = (np.array(v) for v in zip(*found, strict=True))
             print(
-                f"{name:24} {method:12} {kinds(proven):9}"
+                f"{name:24} {method:22} {kinds(proven):9}"
                 f"state {state.min():.3g} .. {state.max():.3g}  reaction {np.nanmin(reaction):.3g}"
                 f" .. {np.nanmax(reaction):.3g}  least {least.min():.4g}",
                 flush=True,
             )
             for a, b, is_bound in zip(least, state, proven, strict=True):
-                below += [name] if is_bound and a < 1.0 else []
-                outside += [name] if not is_bound and not 1.0 <= b <= 10.0 else []
+                run = f"{name} {method}"
+                below += [run] if is_bound and a < 1.0 else []
+                outside += [run] if not is_bound and not 1.0 <= b <= 10.0 else []
     print(f"{pairs} runs; bounds below an error: {below or 0}")
     print(f"estimates outside 1 to 10: {outside or 0}")
     return int(bool(below))

@@ -79,7 +79,10 @@ DOUBLED = 2.0
 
 def _bars(runs: list[Trajectory], finer: Callable[[], Trajectory], x: np.ndarray, reaction) -> Bars:
     """Return error bars of the extrapolation x, reaction (k, n) of runs: DOUBLED times its distance
-    to that of halved accuracies, which takes one more run."""
+    to that of halved accuracies, which takes one more run.
+
+    At a sample the largest so far is taken: two extrapolations can cross by chance.
+    """
     last = finer()
     t = runs[0].t
     if not last.status.ok or len(last.t) != len(t):
@@ -88,7 +91,7 @@ def _bars(runs: list[Trajectory], finer: Callable[[], Trajectory], x: np.ndarray
     halved = [*runs[1:], last]
     w = weights(len(runs) - 1)
     off = x - _sum(w, [r.x for r in halved]), reaction - _sum(w, [r.reaction for r in halved])
-    state, push = (DOUBLED * np.linalg.norm(a, axis=1) for a in off)
+    state, push = (np.maximum.accumulate(DOUBLED * np.linalg.norm(a, axis=1)) for a in off)
     return Bars(t, state, push, np.full(len(t), np.nan))
 
 

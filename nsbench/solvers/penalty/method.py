@@ -94,6 +94,7 @@ class Penalty:
     reach: float = 0.3
 
     accuracy = "k"
+    has_error_bars = True
 
     @property
     def expects(self) -> tuple[Expect, ...]:

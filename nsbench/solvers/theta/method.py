@@ -41,6 +41,7 @@ class Theta:
     accuracy = "h"
     default = 1e-2
     scaled = True
+    has_error_bars = True
     expects = (
         Expect(
             ("exact_at_grid",),
