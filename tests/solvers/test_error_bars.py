@@ -304,6 +304,30 @@ def test_a_study_of_a_method_with_a_tolerance_in_its_name_runs_that_tolerance():
     assert [s.asked for s in specs] == [0.1, 0.03]
 
 
+@pytest.mark.parametrize(
+    "method, name, accuracy, most",
+    [
+        ("theta", "tide", 0.01, 1.05),
+        ("theta[theta=0.5]", "box_turning", 0.01, 3.0),
+        ("penalty", "rods_wall", 300.0, 1.05),
+        ("penalty", "discs[n=3]", 300.0, 2.0),
+    ],
+)
+def test_implicit_steps_and_springs_have_error_bars_too(method, name, accuracy, most):
+    """Of their recorded states, which need not be feasible, as of those of PBD."""
+    case = get_case(name)
+    traj = nsbench.solve(case, method, **{nsbench.solvers.get(method).accuracy: accuracy})
+    ref = reference(case)
+    assert traj.bound.is_proven == (name != "discs[n=3]")
+    for bar, off in (
+        (traj.bound.state, traj.x - ref.x),
+        (traj.bound.reaction, traj.reaction - ref.reaction),
+    ):
+        error = np.linalg.norm(off, axis=1)
+        assert np.all(bar[1:] >= error[1:])
+        assert 1.0 <= bar.max() / error.max() < most
+
+
 def _normals(rng, states: int, particles: int, contacts: int) -> np.ndarray:
     """Unit gradients (states, contacts, 2 particles) of pairs drawn at random; the last one is
     the first, twice."""

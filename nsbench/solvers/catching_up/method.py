@@ -59,6 +59,8 @@ EXPECTS = (
         "what a method makes of an infeasible start is its meaning, not its error",
     ),
 )
+# with fixed steps, and with steps that are chosen for a tolerance
+STANDARD = ("catching_up", "catching_up[tol=1e-2]")
 
 
 @dataclass(frozen=True)

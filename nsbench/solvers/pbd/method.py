@@ -62,6 +62,8 @@ EXPECTS = (
         "what a method makes of an infeasible start is its meaning, not its error",
     ),
 )
+# with fixed steps, and with steps that are chosen for a tolerance
+STANDARD = ("pbd", "pbd[tol=1e-2]")
 
 
 @dataclass(frozen=True)
