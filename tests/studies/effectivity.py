@@ -1,6 +1,7 @@
 """Effectivity of error bars: over the true errors, for methods, cases and steps.
 
     python tests/studies/effectivity.py [CASE ...] [--steps 3] [--own 12] [-s METHOD ...]
+    python tests/studies/effectivity.py --prox-regular
 
 One line for each case and method: whether its error bars are a bound or an estimate, the range of
 the effectivity of state and reaction over the steps (largest error bar over the largest error, both
@@ -8,7 +9,8 @@ over the samples), and the least ratio of error bar and error at any sample whos
 times the bound of the reference. Then how many bounds were below an error at some sample, and how
 many estimates had an effectivity outside 1 to 10, by name. --own N: N scenes drawn by a seed
 instead, half of them points between oblique walls under turning drifts, half discs that are drawn
-together in the plane and pulled about; event_driven is their truth.
+together in the plane and pulled about; event_driven is their truth. --prox-regular: by how much a
+bound that holds for discs, which are no convex set, would grow along the exact motion.
 """
 
 import argparse
@@ -20,6 +22,7 @@ import numpy as np
 import nsbench
 from nsbench import Affine, Case, Complementarity, Distance
 from nsbench.case import get_case
+from nsbench.error_bars.growth import linear_drift
 from nsbench.reference import reference
 from nsbench.solvers import get
 
@@ -27,6 +30,7 @@ BOUNDS = ("rods[n=5]", "rods[n=10]", "rods_wall", "wedge", "wedge[psi=120]", "bo
 BOUNDS = (*BOUNDS, "box_turning[side=0.8]", "tide", "duplicate", "play", "moving_floor")
 ESTIMATES = ("discs[n=3]", "discs[n=10]", "discs[n=30]", "hex", "stack", "chain", "obstacle")
 ESTIMATES = (*ESTIMATES, "bean", "epithelium", "three_discs", "two_discs", "kissing", "wheel")
+DISCS = ("two_discs", "three_discs", "hex", "discs[n=3]", "discs[n=10]", "discs[n=30]")
 METHODS = ("pbd", "catching_up", "theta", "penalty", "richardson", "penalty[extrapolate=1]")
 SOFTEST = 100.0  # times its unit: the least stiffness that is run
 SEED = 20261125
@@ -120,6 +124,26 @@ def measured(case, method, value):
     return state, reaction, least, traj.bound.is_proven
 
 
+def prox_growth(case) -> float:
+    """Largest factor by which a rigorous bound lets errors grow among discs of one diameter.
+
+    For normals p at x, q at y of a set that is prox-regular with the constant r,
+    <p - q, x - y> >= -(|p| + |q|) / (2 r) |x - y|^2 (Poliquin, Rockafellar & Thibault 2000), so that
+    (|w|)' <= (L + (|p| + |q|) / (2 r)) |w| + |rho|. Forces of contacts are at most the drift,
+    |q| <= |f|, and p is that of the run. r is taken as that of one pair, d / sqrt(2): of more discs
+    it is smaller.
+    """
+    traj = nsbench.solve(case, "event_driven")
+    drift = case.problem.drift(np)
+    d = next(c.d for c in case.problem.constraints if isinstance(c, Distance))
+    r = float(np.min(d)) / np.sqrt(2.0)
+    f = np.array([np.linalg.norm(drift(t, x)) for t, x in zip(traj.t, traj.x, strict=True)])
+    spent = np.diff(traj.t)
+    p = np.linalg.norm(np.diff(traj.reaction, axis=0), axis=1) / spent
+    J = linear_drift(drift, traj.t, traj.x)
+    return float(np.exp((spent * (J.one_sided + (p + np.maximum(f[1:], f[:-1])) / (2 * r))).sum()))
+
+
 def kinds(proven) -> str:
     """Return of which kind the error bars of the steps are: bound, estimate or both."""
     return "both" if proven.any() and not proven.all() else "bound" if proven.all() else "estimate"
@@ -132,7 +156,12 @@ def main():
     parser.add_argument("--steps", type=int, default=3)
     parser.add_argument("--own", type=int, default=0, metavar="N")
     parser.add_argument("-s", "--methods", nargs="+", default=METHODS)
+    parser.add_argument("--prox-regular", action="store_true")
     args = parser.parse_args()
+    if args.prox_regular:
+        for name in DISCS:
+            print(f"{name:24} errors may grow {prox_growth(get_case(name)):.3g} times")
+        return 0
     warnings.simplefilter("ignore")
     below = []
     outside = []
