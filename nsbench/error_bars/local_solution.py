@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
-from nsbench.dynamics.contacts.candidates import ANCHOR, PAIR
+from nsbench.dynamics.contacts.candidates import ANCHOR, PAIR, CandidateContacts
 from nsbench.error_bars.contact_rows import (
     DAMPING,
     ContactRows,
@@ -136,7 +136,9 @@ class _Piece:
         self.pushing: np.ndarray | None = None  # contacts with positive multipliers
         f = self._field(0.0, y)
         for _ in range(REPAIRS):
-            self.closed = self._closed_contacts(dt, size(f))
+            self.near, self.gaps = self._candidates(dt, size(f))
+            is_closed = np.flatnonzero(self.gaps <= CLOSED)
+            self.closed = self.shadow.rows(self.near.take(is_closed).ids)
             # what is closed up to CLOSED is closed up to rounding; the jump counts as residual
             if not self.closed.m or not self.closed.is_straight:
                 break
@@ -181,17 +183,14 @@ class _Piece:
         w = s[:, None] / self.step
         return hermite(w, self.step, self.y, self.last, self.v, self.last_v)
 
-    def _closed_contacts(self, dt, speed) -> ContactRows:
-        """Return the rows of the closed contacts; note those near enough to close within dt."""
+    def _candidates(self, dt, speed) -> tuple[CandidateContacts, np.ndarray]:
+        """Return the contacts that are closed or may close within dt, and their gaps (m,)."""
         if self.shadow.is_flat:
             rows = self.shadow.all_rows()
-            self.near = rows.near
-            self.gaps = rows.gaps(np.array([self.t]), self.y[None])[0]
-            return self.shadow.rows([rows.ids[k] for k in np.flatnonzero(self.gaps <= CLOSED)])
+            return rows.near, rows.gaps(np.array([self.t]), self.y[None])[0]
         scene = self.shadow.scene
-        self.near = scene.near(self.y, 4.0 * dt * speed + CLOSED, self.t)
-        self.gaps = scene.gaps(self.t, self.y, self.near)
-        return self.shadow.rows(self.near.take(np.flatnonzero(self.gaps <= CLOSED)).ids)
+        near = scene.near(self.y, 4.0 * dt * speed + CLOSED, self.t)
+        return near, scene.gaps(self.t, self.y, near)
 
     def _open_contacts(self) -> ContactRows:
         """Return the rows of the open contacts that may close along the curve of the step.
@@ -202,14 +201,14 @@ class _Piece:
         is_open = self.gaps > CLOSED
         scene = self.shadow.scene
         if self.shadow.is_flat:
-            rows = self.shadow.all_rows()
-            return self.shadow.rows([rows.ids[k] for k in np.flatnonzero(is_open)])
+            return self.shadow.rows(self.near.take(np.flatnonzero(is_open)).ids)
         if not scene.moving:
             way = np.abs(self._states(self.length * LOOKS) - self.y).max(axis=0)
             is_distance = (self.near.kind == PAIR) | (self.near.kind == ANCHOR)
             apart = 2.0 * np.sqrt(3.0) * way.max()
-            # twice that: between the places that were looked at the curve may go further
-            is_open &= self.gaps <= 2.0 * np.where(is_distance, apart, size(way)) + CLOSED
+            # more than that: between the places that were looked at the curve may go further
+            reach = np.where(is_distance, 2.0 * apart, 4.0 * size(way))
+            is_open &= self.gaps <= reach + CLOSED
         may = self.near.take(np.flatnonzero(is_open))
         return ContactRows(scene, may.ids, may)
 
