@@ -187,6 +187,8 @@ def _in_own_units(case: Case, traj: Trajectory) -> Bars:
     off = np.linalg.norm(parts.known[at] - (own_drift - path.curve_drift()[at]), axis=1)
     state = parts.state[at] + rounding
     reaction = parts.factor * off + parts.reaction[at] + rounding
+    if not np.all(np.isfinite(state)):
+        return Bars.none(traj.t, "The motions near the run are not finite.")
     impulse = np.maximum.accumulate(reaction) / path.least_singular_values()[at]
     why = _doubt(path, state.max(), particle_distance(case), proven)
     if is_convex(case.problem) and not path.is_feasible:

@@ -102,7 +102,7 @@ def _in_pieces(
         y = stretch.end
         total += along
         now += piece.length
-        if not piece.is_cut:
+        if not piece.is_cut or now >= ends[at]:
             now = float(ends[at])
             at += 1
             if at == pieces:

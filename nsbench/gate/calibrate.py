@@ -98,9 +98,10 @@ def _ended_otherwise(data: Data, again: Data, title: str) -> dict[tuple[str, str
     """
     said = {}
     for key, runs in again.runs.items():
-        before = dict(zip(data.runs[key].col["asked"], data.runs[key].good, strict=True))
+        # by name: the accuracy of a refused run is NaN, which is no key
+        before = dict(zip(map(str, data.runs[key].col["asked"]), data.runs[key].good, strict=True))
         asked = runs.col["asked"]
-        changed = [k for k, value in enumerate(asked) if runs.good[k] != before.get(value)]
+        changed = [k for k, value in enumerate(asked) if runs.good[k] != before.get(str(value))]
         if changed:
             first = changed[0]
             status = f"{runs.col['status'][first]} {runs.col['why'][first]}".strip()

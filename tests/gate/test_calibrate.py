@@ -98,3 +98,5 @@ def test_a_run_that_ends_otherwise_from_a_start_beside_is_told_with_its_reason()
         "first (h = 0.0303): degenerate No motion continues."
     )
     assert not _ended_otherwise(read(kept), read(kept), "")
+    refused = [row("sliding", "pbd", float("nan"), status="refused", why="It has no constraints.")]
+    assert not _ended_otherwise(read(refused), read(refused), "")

@@ -304,6 +304,15 @@ def test_a_study_of_a_method_with_a_tolerance_in_its_name_runs_that_tolerance():
     assert [s.asked for s in specs] == [0.1, 0.03]
 
 
+def test_an_event_at_the_very_end_of_an_interval_leaves_a_bar():
+    """A piece of the local solution that ended there was followed by one of no length: NaN."""
+    case = get_case("graze")
+    for moved in ((0.4, 0.9), (0.9, 0.4), (0.1, 1.0)):
+        near = case.replace(x0=case.x0 + 1e-12 * np.array(moved))
+        bars = nsbench.solve(near, "pbd", h=0.05).bound
+        assert bars.is_proven and 0.02 < bars.state[-1] < 0.04
+
+
 @pytest.mark.parametrize(
     "method, name, accuracy, most",
     [
