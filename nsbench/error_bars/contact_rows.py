@@ -13,7 +13,7 @@ from nsbench.dynamics.contacts.constraint_set import ConstraintSet, near_of
 # Relative to the diagonal of the Gram matrix of unit normals: contacts that are dependent up to
 # this are closed as one, not each for itself.
 DAMPING = 1e-10
-LARGE = 6  # rows from which Gram matrices are factored by the compiled kernel
+LARGE = 16  # rows from which Gram matrices are factored by the compiled kernel
 PIVOTS = 8  # rounds of block pivoting
 ROUNDING = 1e-14  # of the state: steps that end an iteration
 TIME_STEP = 2.0**-20  # of own time, for the rate at which a moving constraint moves

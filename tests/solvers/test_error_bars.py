@@ -351,7 +351,7 @@ def _normals(rng, states: int, particles: int, contacts: int) -> np.ndarray:
     return N
 
 
-@pytest.mark.parametrize("contacts", [LARGE - 1, LARGE, 24])
+@pytest.mark.parametrize("contacts", [LARGE - 1, LARGE, 40])
 @pytest.mark.parametrize("states", [1, 7])
 def test_multipliers_in_the_envelope_are_those_of_the_dense_gram_matrix(states, contacts):
     rng = np.random.default_rng(contacts)
