@@ -100,7 +100,7 @@ def _constant(o: Order) -> Cell:
             kind="number",
             title=f"error ≈ {format_number(o.constant)} h^{o.order:.2f}",
         )
-    return Cell("none", kind="quiet", title="A constant belongs to an order.")
+    return Cell("none", kind="quiet")
 
 
 def _residuals(s: Summary) -> str:
