@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from nsbench import Case, Complementarity, Distance, Filippov, errors, get_case, solve, solvers
+from nsbench.error_bars import Bars, ErrorBars
 from nsbench.study import step_choice
-from nsbench.study.step_choice import Demand, choose, demand_of
+from nsbench.study.step_choice import COMPARED, Demand, choose, demand_of
 
 
 def at_rest(*families):
@@ -80,9 +81,17 @@ def test_what_is_printed_takes_the_steps_that_were_meant(intervals):
         assert one != two and math.gcd(one, steps) == math.gcd(two, steps) == 1
 
 
-def test_an_overlap_is_seen_where_no_error_bar_can_be_had():
+def test_a_case_without_error_bars_is_compared_with_shorter_steps():
     """Two samples are too few for error bars."""
     case = get_case("tide").replace(t=np.array([0.0, 1.0]))
+    found = choose(case, "pbd", Demand(0.1))
+    assert found.is_found and found.error <= 0.1 and found.sure == COMPARED
+
+
+def test_an_overlap_is_seen_where_no_error_bar_can_be_had(monkeypatch):
+    none = lambda case, traj: ErrorBars(lambda: Bars.none(traj.t, "They could not be computed."))
+    monkeypatch.setattr("nsbench.solvers.scaled_run.error_bars", none)
+    case = get_case("tide")
     assert not choose(case, "pbd", Demand(0.1)).is_found
     found = choose(case, "pbd", Demand(math.inf, 0.1))
     assert found.is_found and found.violation <= 0.1 and "not known" in found.sure
