@@ -313,6 +313,7 @@ def test_an_event_at_the_very_end_of_an_interval_leaves_a_bar():
         assert bars.is_proven and 0.02 < bars.state[-1] < 0.04
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "method, name, accuracy, most",
     [

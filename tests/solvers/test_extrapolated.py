@@ -173,6 +173,7 @@ def test_steps_that_cannot_be_halved_are_refused():
             get(f"richardson[{option}]")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "spec, name, accuracies",
     [
