@@ -128,7 +128,7 @@ def prox_growth(case) -> float:
     """Largest factor by which a rigorous bound lets errors grow among discs of one diameter.
 
     For normals p at x, q at y of a set that is prox-regular with the constant r,
-    <p - q, x - y> >= -(|p| + |q|) / (2 r) |x - y|^2 (Poliquin, Rockafellar & Thibault 2000), so that
+    <p - q, x - y> >= -(|p| + |q|) / (2 r) |x - y|^2 (Poliquin, Rockafellar & Thibault 2000). So
     (|w|)' <= (L + (|p| + |q|) / (2 r)) |w| + |rho|. Forces of contacts are at most the drift,
     |q| <= |f|, and p is that of the run. r is taken as that of one pair, d / sqrt(2): of more discs
     it is smaller.

@@ -4,8 +4,8 @@
     h' = (3 + s) / 4 cosh t, k' = 1 / cosh(t)^2 + sin(2t) + tanh t + exp(-t), v' = 0.7
 
 s is the sign of v. With `torn` there is also m' = sign(m) from m = 0 by `where`, no Filippov
-system: both signs go on, which is told. A case of the gate's studies: no case of the catalogue has kinks,
-powers or tables.
+system: both signs go on, which is told. A case of the gate's studies: no case of the catalogue has
+kinks, powers or tables.
 """
 
 from functools import partial
