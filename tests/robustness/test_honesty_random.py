@@ -205,12 +205,14 @@ def test_samples_that_were_asked_for_are_not_run_again(monkeypatch):
 
     def counted(case, spec, value):
         asked.append((spec, case.t.tobytes(), case.x0.tobytes()))
-        return attempt(case, spec, value)
+        out = attempt(case, spec, value)
+        out.measured["residual"] = 1.0  # which no number of samples brings down
+        return out
 
     monkeypatch.setattr(judge, "attempt", counted)
     case = wall(problem=nsbench.Complementarity(jumps, wall().problem.constraints))
     assert judge.Scene(case).judge("event_driven").word == "fine"
-    assert len(asked) > 3 and len(set(asked)) == len(asked)
+    assert len(asked) > 1 and len(set(asked)) == len(asked)
 
 
 def far(xp):
