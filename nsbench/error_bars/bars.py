@@ -25,21 +25,19 @@ and the sum of norms is an estimate, no bound. docs/error_bars.md has the proof.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from nsbench.dynamics.contacts.candidates import PAIR, ROW
 from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 from nsbench.error_bars.contact_rows import ContactRows
+from nsbench.error_bars.entry import LINEARISED
 from nsbench.error_bars.growth import Linear, grown, linear_drift, pushed, tangential
 from nsbench.error_bars.local_solution import MOST_PIECES, local_solution
 from nsbench.error_bars.shadow import Shadow, Stretch
 from nsbench.error_bars.split_bound import SplitBound
 
-# of an estimate: allowance for what its linearisation leaves out, terms of second order in the
-# error
-LINEARISED = 1.25
 # of the vectors whose sum is an error: they may cancel by more than they are right
 CANCELLED = 0.05
 ACTS = 1e-12  # of the largest impulse of an interval: less of one is rounding of a QP
@@ -62,7 +60,8 @@ class Growth:
     """Error bars at the nodes.
 
     state (K,): of |x_n - x*|. R_n - R* is known (K, n), less what the drift of the run differs from
-    that of the curve, times factor, and a rest of at most reaction (K,).
+    that of the curve, times factor, and a rest of at most reaction (K,). vector (K, n): x_n - x*
+    itself, of an estimate, of at most the size `unallowed` (K,); of a bound there is none.
     """
 
     factor: float
@@ -70,6 +69,8 @@ class Growth:
     state: np.ndarray
     reaction: np.ndarray
     known: np.ndarray
+    vector: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+    unallowed: np.ndarray = field(default_factory=lambda: np.empty(0))
 
 
 class Path:
@@ -206,7 +207,8 @@ class Path:
         together = np.linalg.norm(offset + delta, axis=1)
         state = LINEARISED * (together + slack) + CANCELLED * (norms[0] + norms[1])
         reaction = LINEARISED * slack + CANCELLED * sum(norms)
-        return Growth(LINEARISED, state, reaction, offset + delta - pulled)
+        vector = offset + delta
+        return Growth(LINEARISED, state, reaction, vector - pulled, vector, together + slack)
 
     def has_passed(self) -> bool:
         """Are particles on a line in another order somewhere than at the start?

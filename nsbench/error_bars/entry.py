@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 
 FINISHED = ("ok", "unverified", "degenerate", "below_reference")
 FAR = 0.1  # of the distance of particles: an error this large is none that a linearisation knows
+# of an estimate: allowance for what its linearisation leaves out, terms of second order in the
+# error
+LINEARISED = 1.25
 LARGEST = 700  # coordinates, or acting contacts, of a run whose error bars are computed
 
 
@@ -36,6 +39,8 @@ class Bars:
     are estimates. why: a sentence where there are none, or where they are not to be trusted.
     distance (k,): of the samples from the feasible comparison curve, and gained (k - 1,): by how
     much the error of that curve may have grown in each sample interval: what `state` is made of.
+    vector (k, n): of an estimate, the error itself, and unallowed (k,) its size, both without an
+    allowance for what is linearised; of a bound there is none.
     """
 
     t: np.ndarray
@@ -47,12 +52,37 @@ class Bars:
     why: str = ""
     distance: np.ndarray = field(default_factory=lambda: np.empty(0))
     gained: np.ndarray = field(default_factory=lambda: np.empty(0))
+    vector: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+    unallowed: np.ndarray = field(default_factory=lambda: np.empty(0))
 
     @classmethod
     def none(cls, t: np.ndarray, why: str) -> Bars:
         """Return the error bars of a run that has none."""
         nothing = np.full(len(t), np.nan)
         return cls(t, nothing, nothing, nothing, why=why)
+
+    def confirmed(self, x: np.ndarray, coarser: Bars, coarser_x: np.ndarray) -> Bars:
+        """Return the estimate with the allowance that a second run of the case shows to be needed.
+
+        x, coarser_x (k, n): states at the samples of this run and of one with longer steps. What
+        the errors of both differ by is known: the allowance is the part of it, up to each sample,
+        that the estimated errors `vector` miss. It falls with the steps, so that of the shorter
+        ones it is less. Bounds, and runs beside one without an estimate, stay as they are.
+        """
+        if not (self.vector.size and coarser.vector.size):
+            return self
+        moved = coarser_x - x
+        missed = np.linalg.norm(coarser.vector - self.vector - moved, axis=1)
+        seen = np.maximum.accumulate(np.linalg.norm(moved, axis=1))
+        needed = np.maximum.accumulate(missed) / np.maximum(seen, 1e-300)
+        return self.allowed(np.where(seen > 0.0, needed, np.inf))
+
+    def allowed(self, share: float | np.ndarray) -> Bars:
+        """Return the estimate with an allowance of this share (k,) of it, where that is less."""
+        if not self.vector.size:
+            return self
+        spared = np.maximum(LINEARISED - 1.0 - share, 0.0)
+        return dataclasses.replace(self, state=self.state - spared * self.unallowed)
 
 
 class ErrorBars:
@@ -132,6 +162,8 @@ def restored_bars(found: Bars, t: np.ndarray, own: ScaledCase) -> Bars:
         lam_variation=found.lam_variation * own.multiplier,
         distance=found.distance * length,
         gained=found.gained * length,
+        vector=found.vector * own.state if found.vector.size else found.vector,
+        unallowed=found.unallowed * length,
     )
 
 
@@ -198,7 +230,8 @@ def _in_own_units(case: Case, traj: Trajectory) -> Bars:
     distance = np.linalg.norm((nodes.x - path.Y)[at], axis=1)
     gained = np.add.reduceat(path.size, at[:-1])
     variation = path.multiplier_variation()
-    return Bars(traj.t, state, reaction, impulse, variation, proven, why, distance, gained)
+    found = traj.t, state, reaction, impulse, variation, proven, why, distance, gained
+    return Bars(*found, *(v[at] for v in (parts.vector, parts.unallowed) if len(v)))
 
 
 def _doubt(path, size: float, distance: float, proven: bool) -> str:

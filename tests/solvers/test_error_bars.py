@@ -15,7 +15,6 @@ from nsbench.error_bars.local_solution import local_solution
 from nsbench.error_bars.shadow import Shadow
 from nsbench.reference import reference
 from nsbench.solvers.common.time_grid import grid
-from nsbench.study.plan import plan_runs
 
 FLAT = ("tide", "rods[n=5]", "wedge", "play", "moving_floor", "box_turning")
 CURVED = ("discs[n=3]", "three_discs", "obstacle")
@@ -183,24 +182,6 @@ def test_bars_reach_the_row_as_bound_or_estimate():
     assert np.isnan(row["bound_state"])
 
 
-@pytest.mark.parametrize("method", ["pbd", "catching_up"])
-@pytest.mark.parametrize("name", ["tide", "rods[n=5]", "three_discs"])
-def test_a_tolerance_is_kept(name, method):
-    case = get_case(name)
-    traj = nsbench.solve(case, f"{method}[tol=1e-3]", tol=5e-3)
-    assert traj.status.ok
-    assert error_of(case, traj).max() <= 5e-3
-    assert traj.bound.state.max() <= 5e-3
-    assert error_of(case, traj).max() >= 5e-4  # and not by far too many steps
-
-
-def test_a_tolerance_costs_at_most_twice_the_best_equal_steps():
-    case = get_case("hex")
-    traj = nsbench.solve(case, "pbd[tol=1e-2]")
-    equal = nsbench.solve(case, "pbd", h=2.0 * (case.t[-1] - case.t[0]) / traj.stats["steps"])
-    assert error_of(case, equal).max() >= error_of(case, traj).max()
-
-
 def test_a_tolerance_is_refused_where_there_are_no_error_bars():
     case = three_walls(t=np.array([0.0, 1.0]))
     assert "three samples" in nsbench.solve(case, "pbd[tol=1e-3]").status.why
@@ -295,13 +276,6 @@ def test_the_comparison_curve_stays_feasible_between_its_nodes():
     steep = np.array([[0.3, -0.3], [-0.3, 0.3]])
     arcs = shadow.arcs(t[:1], np.ones(1), x[:1], x[1:2], steep[:1], steep[1:], ())
     assert not arcs.inside[0]
-
-
-def test_a_study_of_a_method_with_a_tolerance_in_its_name_runs_that_tolerance():
-    specs = plan_runs([("tide", "")], ["pbd[tol=1e-2]"])
-    assert [(s.accuracy, s.asked) for s in specs] == [("tol", 1e-2)]
-    specs = plan_runs([("tide", "")], ["pbd[tol=1e-2]"], values={"tol": [0.1, 0.03]})
-    assert [s.asked for s in specs] == [0.1, 0.03]
 
 
 def test_an_event_at_the_very_end_of_an_interval_leaves_a_bar():

@@ -7,8 +7,8 @@ PBD and catching-up, one line: the step that is chosen, how the error is known, 
 error in the 2-norm over the samples (against the reference; of a drawn scene event_driven), seconds
 of the choice. At the end how many promises were kept; exit status 1 if one was not.
 --tolerances: the method is run with the error as its tolerance instead; stated are the true error
-over it, the steps of all passes, and over them those of the longest equal steps whose true error,
-which only the reference tells, is as small as the tolerance.
+over it, the error bar over the true error, the steps of all passes, and over them those of the
+longest equal steps whose true error, which only the reference tells, is as small as the tolerance.
 """
 
 import argparse
@@ -70,23 +70,26 @@ def _equal_steps(case, method, h, tolerance):
 
 
 def tolerance_kept(case, method, demand):
-    """Print how a run with a tolerance ends; return its error over the tolerance, and its steps
-    over the fewest equal ones. None: it says that it did not reach it."""
+    """Print how a run with a tolerance ends; return its error over the tolerance, its steps over
+    the fewest equal ones, and its error bar over the error. None: it says that it did not reach it.
+    """
     run = nsbench.solve(case, f"{method}[tol={demand.error:.17g}]")
     name = f"{case.key} {method}"
     if not run.status.ok:
         print(f"{name:36} {run.status.code}: {run.status.why}", flush=True)
         return None
-    share = true_error(case, run) / demand.error
+    error = true_error(case, run)
+    share = error / demand.error
+    near = float(run.bound.state.max()) / error if share > ROUNDING else np.nan
     fewest = fewest_steps(case, method, demand.error)
     steps = run.stats["steps"]
     kind = "proven" if run.bound.is_proven else "estimate"
     print(
-        f"{name:36} {kind:8} error {share:.3g} of the tolerance {demand.error:.3g}, {steps} steps in "
-        f"{run.stats['passes']} passes, {steps / fewest:.2f} times {fewest}",
+        f"{name:36} {kind:8} error {share:.3g} of the tolerance {demand.error:.3g}, bar {near:.3g} "
+        f"of it, {steps} steps in {run.stats['passes']} passes, {steps / fewest:.2f} times {fewest}",
         flush=True,
     )
-    return share, steps / fewest
+    return share, steps / fewest, near
 
 
 def tolerances(cases, error):
@@ -96,11 +99,12 @@ def tolerances(cases, error):
         if truth(case) is None:
             continue
         found += [tolerance_kept(case, m, demand_of(case, error)) for m in METHODS]
-    share, work = np.array([f for f in found if f]).T
+    share, work, near = np.array([f for f in found if f]).T
     print(
         f"{len(share)} of {len(found)} reached; {(share > 1.0).sum()} above the tolerance; "
         f"{(share >= 0.1).sum()} within a tenth of it; {(work <= 2.0).sum()} with at most twice "
-        f"the steps, median {np.median(work):.2f}, most {work.max():.2f}"
+        f"the steps, median {np.median(work):.2f}, most {work.max():.2f}; error bars "
+        f"{np.nanmin(near):.3f} to {np.nanmax(near):.3f} of the error"
     )
     return int((share > 1.0).any())
 

@@ -3,7 +3,8 @@
 A pass with long steps has error bars that are made of what each sample interval adds and of the
 distance to the feasible set, both proportional to the step. The next pass has steps that would keep
 the tolerance, longer where little is added: for a sum of a_k h_k at least work, h_k ~ a_k^(-1/2).
-Half of that power is taken, since what an interval adds depends on the steps before it.
+Half of that power is taken, since what an interval adds depends on the steps before it. Estimates
+need less of an allowance from the second pass on: the run before confirms them (Bars.confirmed).
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from nsbench.solvers.base import Claims, Solver
 from nsbench.solvers.scaled_run import ScaledRun
 from nsbench.trajectory import Status, Trajectory
 
-FIRST_STEPS = 32  # of the first pass, at least
+FIRST_STEPS = 16  # of the first pass, at least
 PASSES = 12
 SAFETY = 0.9  # of the tolerance, which a pass is to reach
 # a pass whose steps are more than FAR times too long foretells those of the last one badly: one
@@ -27,6 +28,7 @@ FAR = 8.0
 BETWEEN = 4.0
 LEAST = 1.0 / 64.0  # a pass shortens steps by no more: what it knows of shorter ones is little
 POWERS = (0.0, 0.25)  # of what is gained, with which steps are shorter
+LONGER = np.linspace(1.5, 1.0, 11)  # times what is needed, which a whole number of steps may allow
 EVEN = 1.4  # steps differ from equally long ones by at most this factor in one pass
 MOST_STEPS = 20_000_000
 
@@ -84,7 +86,7 @@ class ToleranceRun:
         self.case = case
         self.tolerance = tolerance
         spacing = np.diff(case.t)
-        self.first = np.minimum(spacing, (case.t[-1] - case.t[0]) / FIRST_STEPS)
+        self.first = whole_steps(spacing, (case.t[-1] - case.t[0]) / FIRST_STEPS)
         # by pass: they come out the same in every call
         self.prepared = [ScaledRun(method, case, self.first)]
 
@@ -92,19 +94,24 @@ class ToleranceRun:
         """Run passes until the error bars keep the tolerance."""
         h = self.first
         done: list[Trajectory] = []
+        before: Bars | None = None
         for k in range(PASSES):
             if k == len(self.prepared):
                 self.prepared.append(ScaledRun(self.method, self.case, h))
             run = self.prepared[k]
             traj = run.to_user_units(run())
             done.append(traj)
-            bars = error_bars(self.case, traj).made
+            made = error_bars(self.case, traj).made
+            bars = made.confirmed(traj.x, before, done[-2].x) if before else made
             error = float(np.max(bars.state))
             if not traj.status.ok or not np.isfinite(error):
                 return self._ended(done, bars, _failed(traj, bars))
             if error <= self.tolerance:
                 return self._ended(done, bars, traj.status)
-            h = next_steps(h, np.diff(self.case.t), bars, self.tolerance)
+            # the next pass is confirmed by this one
+            expected = bars if before else made.allowed(0.0)
+            h = next_steps(h, np.diff(self.case.t), expected, self.tolerance)
+            before = made
             if float((np.diff(self.case.t) / h).sum()) > MOST_STEPS:
                 break
         why = f"The tolerance {self.tolerance:.3g} was not reached: the error bar is {error:.3g}."
@@ -133,7 +140,7 @@ def next_steps(h: np.ndarray, spacing: np.ndarray, bars: Bars, tolerance: float)
     """Return steps (k - 1,) that would keep the tolerance, from the error bars with the steps h.
 
     Of steps as they are, longer ones where little is gained, and equal ones, those are taken that
-    need the least work.
+    need the least work. A sample interval has a whole number of them.
     """
     density = np.maximum(bars.gained / spacing, 1e-300)
     mean = np.exp(np.log(density).mean())
@@ -141,12 +148,21 @@ def next_steps(h: np.ndarray, spacing: np.ndarray, bars: Bars, tolerance: float)
     ratios.append(np.exp(np.log(h).mean()) / h)
     found = []
     for ratio in ratios:
-        needed = SAFETY * tolerance / max(_predicted(bars, ratio), 1e-300)
+        aim = SAFETY * tolerance
+        needed = aim / max(_predicted(bars, ratio), 1e-300)
         if needed < 1.0 / FAR:
-            needed = BETWEEN * needed
-        steps = np.minimum(h * ratio * np.clip(needed, LEAST, 0.9), spacing)
-        found.append((float((spacing / steps).sum()) * max(1.0, LEAST / needed), steps))
+            aim *= BETWEEN
+            needed *= BETWEEN
+        needed = np.clip(needed, LEAST, 0.9)
+        tried = [whole_steps(spacing, h * ratio * needed * more) for more in LONGER]
+        steps = next((s for s in tried if _predicted(bars, s / h) <= aim), tried[-1])
+        found.append((float((spacing / steps).sum()), steps))
     return min(found, key=lambda pair: pair[0])[1]
+
+
+def whole_steps(spacing: np.ndarray, h: np.ndarray) -> np.ndarray:
+    """Return the steps (k - 1,) that are taken where steps h are asked for (time_grid)."""
+    return spacing / np.maximum(1.0, np.ceil(spacing / h * (1.0 - 1e-9)))
 
 
 def _predicted(bars: Bars, ratio: np.ndarray) -> float:
