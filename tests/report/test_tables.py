@@ -11,7 +11,7 @@ from nsbench.case.scale import Scale
 from nsbench.problem import Affine
 from nsbench.report import assemble, data, scaling, write_report
 from nsbench.report.summary import summarise
-from nsbench.report.tables import error_table, reliability_tables
+from nsbench.report.tables import error_table, failure_tables, reliability_tables
 from nsbench.study.describe import describe_case
 
 
@@ -111,3 +111,17 @@ def test_every_stored_reference_of_the_bench_has_its_sentence():
         stored = describe_case(nsbench.get_case(name))
         how = stored["certificate"]["how"]
         assert words in reliability_tables.describe_reliance(stored["reference"], how)
+
+
+def test_refusals_with_one_sentence_are_one_line_and_failures_are_one_a_method():
+    both = ("pbd", "euler")
+    said = {"refused": "Not for 3 links.", "maxiter": "1500 steps were taken."}
+    rows = [row("hex", m, 0.1, status=s, why=w) for m in both for s, w in said.items()]
+    table = failure_tables.failures_table(data.build(data.columns_of(rows)))
+    lines = [[cell.text for cell in line.cells[:4]] for line in table.rows]
+    assert [line[:3] for line in lines] == [
+        ["maxiter", "euler", "1"],
+        ["maxiter", "pbd", "1"],
+        ["refused", "pbd and euler", "2"],
+    ]
+    assert [line.solver for line in table.rows] == ["euler", "pbd", ""]

@@ -19,7 +19,8 @@ from nsbench.report.tables.cells import Cell, Row, Table
 def failures_table(data: Data) -> Table:
     """Build the table of runs without a number, by status, method and sentence.
 
-    Sentences that differ only in their numbers count as one.
+    Sentences that differ only in their numbers count as one, and refusals with the same sentence
+    whichever methods say it.
     """
     groups: dict = {}
     for (case, solver), runs in data.runs.items():
@@ -27,32 +28,38 @@ def failures_table(data: Data) -> Table:
             if status in ("ok", "below_reference"):
                 continue
             sentence = re.sub(r"[-+]?[\d.]+(e[-+]?\d+)?", "#", why)
-            key = (status == "refused", status or "without status", solver, sentence)
-            entry = groups.setdefault(key, {"runs": 0, "why": why, "cases": {}})
+            refused = status == "refused"
+            by = "" if refused else solver
+            key = (refused, status or "without status", by, sentence)
+            entry = groups.setdefault(key, {"runs": 0, "why": why, "cases": {}, "solvers": {}})
             entry["runs"] += 1
             entry["cases"][case] = None
+            entry["solvers"][solver] = None
     rows = []
-    for (refused, status, solver, _), entry in sorted(
+    for (refused, status, _, _), entry in sorted(
         groups.items(), key=lambda g: (g[0][:2], -g[1]["runs"], g[0])
     ):
+        solvers = list(entry["solvers"])
+        one = solvers[0] if len(solvers) == 1 else ""
         why = entry["why"] or "No sentence was recorded."
         rows.append(
             Row(
                 (
                     Cell(status, kind="refused" if refused else "failed"),
-                    Cell(solver, kind="method"),
+                    Cell(one, kind="method") if one else Cell(join_names(solvers, 8)),
                     Cell(str(entry["runs"]), kind="number"),
                     Cell(why),
                     Cell(join_names(entry["cases"], 8)),
                 ),
-                solver=solver,
+                solver=one,
             )
         )
     return Table(
         "failures",
         ("status", "method", "runs", "sentence", "cases"),
         tuple(rows),
-        "Sentences that differ only in their numbers are counted together; the first one is shown."
+        "Sentences that differ only in their numbers are counted together, refusals of several "
+        "methods too; the first one is shown."
         if rows
         else "Every run attempted reached its end time with a number.",
     )

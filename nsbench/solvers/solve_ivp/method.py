@@ -55,16 +55,11 @@ class SolveIvp:
 
     def refuses(self, case: Case) -> str | None:
         """Explain why there is no script for the case; None if there is one."""
-        if case.name not in case_names():
+        twin = get_case(case.name, **case.params) if case.name in case_names() else None
+        if twin is None or find_script(twin) is None:
             return (
-                f"Nobody has written modes by hand for {case.name}; solve_ivp needs them "
-                f"(event_driven finds them itself)."
-            )
-        twin = get_case(case.name, **case.params)
-        if find_script(twin) is None:
-            return (
-                f"Nobody has written modes by hand for {case.key}; solve_ivp needs them "
-                f"(event_driven finds them itself)."
+                "Nobody has written modes by hand for this case; solve_ivp needs them "
+                "(event_driven finds them itself)."
             )
         why = _differs(case, twin)
         return (
