@@ -9,6 +9,7 @@ between loops of one kind that were timed together (COMPARISON_RULE).
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -268,6 +269,16 @@ def rank_costs(data: Data, case: str, target: float) -> list[Cost]:
             c.solver,
         ),
     )
+
+
+def count_cheapest(ranked: Iterable[list[Cost]]) -> Counter[str]:
+    """Count on how many cases each method is the cheapest, as rank_costs returns them.
+
+    Of compiled loops alone where there is one: the seconds of the others are the interpreter's.
+    """
+    firsts = [found[0] for found in ranked if found]
+    compiled = [c for c in firsts if c.loop == "compiled"]
+    return Counter(c.solver for c in compiled or firsts)
 
 
 def select_baseline(found: list[Cost]) -> Cost | None:

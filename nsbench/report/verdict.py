@@ -104,7 +104,7 @@ def _choices(data: Data) -> Iterator[str]:
         if not any(found.values()):
             yield f"Error {format_power(target)}: reached by no method on any case."
             continue
-        first = Counter(c[0].solver for c in found.values() if c)
+        first = cost.count_cheapest(found.values())
         best = ", ".join(f"{solver} on {n}" for solver, n in first.most_common(4))
         missed = [case for case, c in found.items() if not c]
         tail = f"; not reached on {join_names(missed, 4)}" if missed else ""

@@ -13,11 +13,12 @@ from nsbench.report import (
     performance_profiles,
     scaling,
     style,
+    verdict,
 )
 from nsbench.report import (
     data as source,
 )
-from nsbench.report.tables import clock_table
+from nsbench.report.tables import clock_table, equal_error_tables
 
 SIZES = {"discs[n=3]": 6, "discs[n=10]": 20, "discs[n=30]": 60, "discs[n=100]": 200}
 
@@ -216,3 +217,20 @@ def test_the_clock_tells_compilation_set_up_and_run_apart():
     assert [c.text for c in second.cells][1:3] == ["not told"] * 2 and second.cells[
         -1
     ].text == "no rounds"
+
+
+@pytest.mark.parametrize("loop, won", [("host", {"pbd": 1}), ("compiled", {"pbd": 1, "euler": 1})])
+def test_the_cheapest_are_counted_among_compiled_loops_everywhere(loop, won):
+    """What is reached in a host loop alone is won by nobody: in the sentence and in the table."""
+    data = data_of(rows("a", "pbd", 1e-6) + rows("b", "euler", 1e-6, loop=loop))
+    assert cost.count_cheapest(cost.rank_costs(data, c, 1e-2) for c in "ab") == won
+    said = "pbd on 1, euler on 1 of 2" if len(won) == 2 else "pbd on 1 of 2"
+    assert f"cheapest is {said} cases" in verdict.write_headline(data)
+    lines = equal_error_tables.ranking_table(data).rows
+    counted = {line.solver: line.cells[1].small for line in lines}
+    assert counted == {s: f"cheapest on {won.get(s, 0)}" for s in ("pbd", "euler")}
+
+
+def test_where_no_loop_is_compiled_all_are_counted():
+    data = data_of(rows("a", "mine", 1e-6, loop=""))
+    assert cost.count_cheapest([cost.rank_costs(data, "a", 1e-2), []]) == {"mine": 1}

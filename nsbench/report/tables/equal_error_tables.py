@@ -9,6 +9,7 @@ from nsbench.report.cost import (
     Cost,
     cheaper_extrapolated,
     cheapest,
+    count_cheapest,
     extrapolate_cost,
     format_extrapolated,
     format_setting,
@@ -45,18 +46,20 @@ def ranking_table(data: Data) -> Table:
         s: [sum(any(c.solver == s for c in found) for found in ranked[t]) for t in TARGETS]
         for s in data.specs
     }
+    first = {t: count_cheapest(ranked[t]) for t in TARGETS}
     rows = []
     for solver in sorted(data.specs, key=lambda s: (*(-n for n in reversed(reached[s])), s)):
         cells = [Cell(solver, kind="method")]
         for target, n in zip(TARGETS, reached[solver], strict=True):
-            first = sum(bool(found) and found[0].solver == solver for found in ranked[target])
-            cells.append(Cell(f"reached on {n}", f"cheapest on {first}", kind="number"))
+            won = f"cheapest on {first[target][solver]}"
+            cells.append(Cell(f"reached on {n}", won, kind="number"))
         rows.append(Row(tuple(cells), solver=solver))
     return Table(
         "ranking",
         ("method", *(f"error {format_power(t)}" for t in TARGETS)),
         tuple(rows),
-        f"Of {len(data.case_keys)} cases. A method that refuses a case does not reach its error.",
+        f"Of {len(data.case_keys)} cases. A method that refuses a case does not reach its error. "
+        "Only compiled loops are compared in seconds.",
     )
 
 
