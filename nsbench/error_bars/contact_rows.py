@@ -159,7 +159,8 @@ def multipliers(N: np.ndarray, g: np.ndarray, is_refined: bool = False) -> np.nd
         from nsbench.error_bars.kernels.gram import gram_multipliers
 
         q = np.empty((K, m))
-        whole = np.ascontiguousarray(N), np.ascontiguousarray(g, dtype=float)
+        # numba compiles a function anew for arrays that may not be written to
+        whole = [np.require(a, float, ["C", "W"]) for a in (N, g)]
         if gram_multipliers(*whole, DAMPING, is_refined, q):
             return q
     solve = _gram_solver(N)

@@ -85,3 +85,12 @@ def test_every_kernel_takes_its_decorator_from_the_module_that_configures_numba(
                 file
             )
             assert "numba.njit(" not in file.read_text() or file.name == "namespace_checks.py", file
+
+
+def test_every_kernel_is_stored_on_disk():
+    """One that is not compiles in every process."""
+    for path in numba_cache.kernel_files():
+        text = path.read_text(encoding="utf-8")
+        uses = re.sub(r"^(from|import) .*$", "", text, flags=re.M)
+        if path.name != "decorators.py":
+            assert not re.findall(r"\bnjit\b(?!\(\s*cache=True)", uses), path

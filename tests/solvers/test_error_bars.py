@@ -11,6 +11,7 @@ from nsbench import Affine, Case, Complementarity, Distance, get_case
 from nsbench.cli import main
 from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 from nsbench.error_bars.contact_rows import DAMPING, LARGE, multipliers, off_cone
+from nsbench.error_bars.kernels.gram import gram_multipliers
 from nsbench.error_bars.local_solution import local_solution
 from nsbench.error_bars.shadow import Shadow
 from nsbench.reference import reference
@@ -339,6 +340,18 @@ def test_multipliers_in_the_envelope_are_those_of_the_dense_gram_matrix(states, 
     assert np.abs(closed - g).max() < 1e-7
     refined = (gram @ multipliers(N, g, is_refined=True)[..., None])[..., 0]
     assert np.abs(refined - g).max() < 1e-13
+
+
+def test_arrays_that_may_not_be_written_to_compile_no_second_version():
+    rng = np.random.default_rng(3)
+    N = _normals(rng, 1, 30, LARGE)
+    g = rng.normal(size=(1, LARGE))
+    known = multipliers(N, g)
+    for array in (N, g):
+        array.flags.writeable = False
+    assert np.array_equal(multipliers(N, g), known)
+    assert len(gram_multipliers.signatures) == 1
+
 
 
 def test_what_is_off_a_cone_is_the_shortest_rest():

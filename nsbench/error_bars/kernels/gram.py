@@ -39,7 +39,7 @@ def _lack(C, V, count, m, q, g, along, out):
             along[C[k, e]] = 0.0
 
 
-@njit(error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def gram_multipliers(
     N: np.ndarray, g: np.ndarray, damping: float, is_refined: bool, q: np.ndarray
 ) -> bool:
