@@ -107,15 +107,26 @@ def test_the_slider_changes_error_table_and_chart(page):
 
 
 def test_ranking_counts_what_the_static_table_counts(page):
-    """Two ways to the same count: the script at 1e-3, and the table that Python wrote."""
+    """Two ways to the same counts: the script at 1e-3, and the table that Python wrote."""
     static = {}
     for row in page.locator("#t-ranking tbody tr").all():
         cells = row.locator("td").all_text_contents()
-        static[cells[0]] = int(cells[2].split("reached on ")[1].split("cheapest")[0])
+        reached, cheapest = cells[2].split("reached on ")[1].split("cheapest on ")
+        static[cells[0]] = int(reached), int(cheapest)
     live = {}
     for row in page.locator("#t-answer tbody tr").all():
-        live[row.get_attribute("data-method")] = int(row.locator("td").nth(1).inner_text().split()[0])
-    assert live and all(static[name] == count for name, count in live.items())
+        reached, cheapest = (row.locator("td").nth(k).inner_text().split()[0] for k in (1, 2))
+        live[row.get_attribute("data-method")] = int(reached), int(cheapest)
+    assert live and all(static[name] == counts for name, counts in live.items())
+
+
+def test_multipliers_without_an_order_are_told_by_their_errors(page):
+    said = {
+        row.get_attribute("data-method"): row.locator("td").last.inner_text()
+        for row in page.locator("#t-answer tbody tr").all()
+    }
+    assert said["event_driven"].startswith("errors to ")
+    assert said["pbd"].startswith("order ")
 
 
 def test_error_bars_stand_over_the_errors_of_their_runs(page):

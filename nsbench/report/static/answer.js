@@ -56,6 +56,7 @@ const answer = {
         failed: 0,
         tried: 0,
         orders: [],
+        errors: [], // least errors of multipliers that have no order
         accuracy: pair.accuracy,
       };
       rows.set(pair.m, row);
@@ -63,6 +64,9 @@ const answer = {
       row.failed += pair.good.filter((g, i) => !g && pair.status[i] !== "refused").length;
       if (pair.orders.force?.[4]) {
         row.orders.push(pair.orders.force[0]);
+      } else {
+        const known = pair.force.filter((error) => error !== null);
+        row.errors.push(...(known.length ? [Math.min(...known)] : []));
       }
       row.reached += pair.cost[k] ? 1 : 0;
       const cost = answer.timed(pair, k);
@@ -95,9 +99,10 @@ const answer = {
     return sorted.length ? sorted[Math.floor((sorted.length - 1) / 2)] : null;
   },
 
-  range(values) {
+  // Orders of the multipliers; of methods without one, as event location, their errors.
+  multipliers({ orders: values, errors }) {
     if (!values.length) {
-      return "no verdict";
+      return errors.length ? `errors to ${nsbench.format(Math.max(...errors))}` : "no verdict";
     }
     const [low, high] = [Math.min(...values).toFixed(2), Math.max(...values).toFixed(2)];
     return low === high ? `order ${low}` : `order ${low} to ${high}`;
@@ -165,7 +170,7 @@ const answer = {
           cell(row.timed ? `× ${nsbench.format(answer.median(row.factors))}` : "none"),
           cell(row.steps.length ? answer.setting(row) : "none"),
           cell(String(row.failed)),
-          cell(answer.range(row.orders))
+          cell(answer.multipliers(row))
         );
         return line;
       })
