@@ -8,6 +8,7 @@ import nsbench
 from nsbench import LCS, Affine, Case, Complementarity, Distance, get_case, solve
 
 HALF = "theta[theta=0.5]"
+COARSE = np.linspace(0.0, 3.0, 13)
 COUNTS = (2, 3, 5, 7, 11, 17, 26, 41, 63)  # steps per sample; no dyadic ratio
 
 
@@ -117,6 +118,15 @@ def test_walls_that_move_are_met_where_they_are():
         for h in (0.1, 0.05, 0.02, 0.01, 0.004)
     ]
     assert max(errors) < 1.0
+
+
+def test_an_input_of_a_row_with_a_resistance_is_taken_at_both_ends_of_a_step():
+    """w = x + lam - 2 - sin t = 0 all along: x' = lam - x = 2 + sin t - 2 x."""
+    q = lambda xp: lambda t: xp.array([-2.0 - xp.sin(t)])
+    case = Case("driven", LCS([[-1.0]], [[1.0]], [[1.0]], [[1.0]], q=q), np.zeros(1), COARSE)
+    exact = 1.0 + (2.0 * np.sin(COARSE) - np.cos(COARSE) - 4.0 * np.exp(-2.0 * COARSE)) / 5.0
+    off = lambda h: np.abs(solve(case, HALF, h=h).x[:, 0] - exact).max() / h**2
+    assert off(0.05) == pytest.approx(off(0.0125), rel=0.05) and off(0.05) < 0.2
 
 
 def test_compiled_and_python_loops_agree():
