@@ -7,8 +7,10 @@ from collections import Counter
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from nsbench.measure.orders import VERDICTS, Fit, fit_order
+from nsbench.measure.orders.window import APART, outliers
 
 H = 0.1 * 2.0 ** -np.linspace(0.0, 6.3, 25)  # four steps per octave at irrational ratios
 FINE = 0.1 * 2.0 ** -np.linspace(0.0, 6.5, 52)  # eight per octave
@@ -304,3 +306,21 @@ def test_every_verdict_has_its_word_and_a_sentence():
 def test_the_module_starts_without_scipy():
     code = "import sys, nsbench.measure.orders as m; sys.exit('scipy' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+@pytest.mark.parametrize("n, k", [(14, 3), (20, 7), (33, 30)])
+def test_one_error_is_apart_at_the_level_of_the_test_and_not_below(n, k):
+    """The cubic of the others, fitted without it, and Student's t with Bonferroni's correction."""
+    rng = np.random.default_rng(n)
+    h = np.sort(0.1 * 2.0 ** -np.arange(n, dtype=float))
+    v = np.log(h / h[0])
+    y = v + 0.3 * rng.normal(size=n)
+    rest = np.arange(n) != k
+    X = np.vander(v / v[-1], 4)
+    c, rss, *_ = np.linalg.lstsq(X[rest], y[rest], rcond=None)
+    leverage = X[k] @ np.linalg.solve(X[rest].T @ X[rest], X[k])
+    spread = np.sqrt(rss[0] / (n - 1 - 4) * (1.0 + leverage))
+    limit = stats.t.isf(APART / (2 * n), n - 1 - 4) * spread
+    for part, found in ((1.01, [k]), (0.99, [])):
+        y[k] = X[k] @ c + part * limit
+        assert np.flatnonzero(outliers(h, np.exp(y))).tolist() == found
