@@ -86,7 +86,8 @@ def tolerance_kept(case, method, demand):
     kind = "proven" if run.bound.is_proven else "estimate"
     print(
         f"{name:36} {kind:8} error {share:.3g} of the tolerance {demand.error:.3g}, bar {near:.3g} "
-        f"of it, {steps} steps in {run.stats['passes']} passes, {steps / fewest:.2f} times {fewest}",
+        f"of it, {steps} steps in {run.stats['passes']} passes, "
+        f"{steps / fewest:.2f} times {fewest}",
         flush=True,
     )
     return share, steps / fewest, near

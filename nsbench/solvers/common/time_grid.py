@@ -67,7 +67,7 @@ def grid(t: np.ndarray, h: float | np.ndarray, last: bool = False, states: int =
     else:
         least = check_positive("h", h)
     if np.all(h <= spacing * (1 + 1e-9)):
-        n = np.maximum(1.0, np.ceil(spacing / h * (1 - 1e-9)))
+        n = substeps(spacing, h)
         if not float(n.sum()) <= 2e9:
             raise ValueError(
                 f"h = {span_text(least, 6)} needs {float(n.sum()):.3g} steps; at most 2e9 are taken"
@@ -88,6 +88,11 @@ def grid(t: np.ndarray, h: float | np.ndarray, last: bool = False, states: int =
     n = max(1, int(np.ceil(span / h * (1 - 1e-9))))
     nodes = np.append(t[0] + h * np.arange(n), t[-1])
     return Grid(nodes, np.ones(n, np.int64), float(min(h, span)), False)
+
+
+def substeps(spacing: np.ndarray, h: float | np.ndarray) -> np.ndarray:
+    """Return how many steps of at most h divide each spacing (k - 1,): whole numbers, as floats."""
+    return np.maximum(1.0, np.ceil(spacing / h * (1 - 1e-9)))
 
 
 def _block(n: np.ndarray, states: int) -> int:

@@ -16,6 +16,7 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.error_bars import Bars, ErrorBars, error_bars, without_error_bars
 from nsbench.solvers.base import Claims, Solver
+from nsbench.solvers.common.time_grid import substeps
 from nsbench.solvers.scaled_run import ScaledRun
 from nsbench.trajectory import Status, Trajectory
 
@@ -161,8 +162,8 @@ def next_steps(h: np.ndarray, spacing: np.ndarray, bars: Bars, tolerance: float)
 
 
 def whole_steps(spacing: np.ndarray, h: np.ndarray) -> np.ndarray:
-    """Return the steps (k - 1,) that are taken where steps h are asked for (time_grid)."""
-    return spacing / np.maximum(1.0, np.ceil(spacing / h * (1.0 - 1e-9)))
+    """Return the steps (k - 1,) that are taken where steps h are asked for."""
+    return spacing / substeps(spacing, h)
 
 
 def _predicted(bars: Bars, ratio: np.ndarray) -> float:
