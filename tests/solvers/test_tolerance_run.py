@@ -12,6 +12,7 @@ from nsbench.error_bars import Bars, error_bars
 from nsbench.error_bars.entry import LINEARISED
 from nsbench.reference import reference
 from nsbench.solvers import get
+from nsbench.solvers.common import tolerance_run
 from nsbench.solvers.common.tolerance_run import SAFETY, next_steps, whole_steps
 from nsbench.study.plan import plan_runs
 
@@ -40,6 +41,24 @@ def test_a_tolerance_costs_at_most_twice_the_best_equal_steps(name):
     each = traj.stats["steps"] // (2 * len(spacing))
     half = nsbench.solve(case, "pbd", h=spacing.max() / each)
     assert error_of(case, half).max() > 1e-2
+
+
+def test_steps_that_are_too_long_for_a_sound_run_are_shortened():
+    """A column of discs passes through itself in a step as long as a disc is high."""
+    case = get_case("stack", n=10).replace(t=np.linspace(0.0, 40.0, 9))
+    run = get("pbd[tol=1e-1]").prepare_tolerance(case, 0.1)
+    assert nsbench.solve(case, "pbd", h=run.first[0]).status.code == "degenerate"
+    traj = run()
+    assert traj.status.ok and traj.bound.state.max() <= 0.1
+    assert np.abs(traj.x - case.x0).max() <= 0.1  # it rests
+
+
+def test_a_run_that_no_step_makes_sound_ends_as_such(monkeypatch):
+    monkeypatch.setattr(tolerance_run, "SOUGHT_STEPS", 300)
+    case = get_case("stack", n=10).replace(t=np.linspace(0.0, 40.0, 9))
+    traj = nsbench.solve(case, "pbd[tol=1e-2]")
+    assert traj.status.code in tolerance_run.TOO_LONG
+    assert 1 < traj.stats["passes"] < 6 and traj.stats["steps"] <= 4 * 300
 
 
 def test_the_first_pass_has_the_steps_that_it_asks_for():

@@ -5,6 +5,8 @@ distance to the feasible set, both proportional to the step. The next pass has s
 the tolerance, longer where little is added: for a sum of a_k h_k at least work, h_k ~ a_k^(-1/2).
 Half of that power is taken, since what an interval adds depends on the steps before it. Estimates
 need less of an allowance from the second pass on: the run before confirms them (Bars.confirmed).
+A pass that is not sound, since its steps are too long for the scene, has no error bars to go by:
+steps are divided by SHORTENED until one is.
 """
 
 from __future__ import annotations
@@ -32,6 +34,10 @@ POWERS = (0.0, 0.25)  # of what is gained, with which steps are shorter
 LONGER = np.linspace(1.5, 1.0, 11)  # times what is needed, which a whole number of steps may allow
 EVEN = 1.4  # steps differ from equally long ones by at most this factor in one pass
 MOST_STEPS = 20_000_000
+# how runs end whose steps are too long: less than that is known of how long they may be
+TOO_LONG = ("diverged", "degenerate", "unverified")
+SHORTENED = 4.0
+SOUGHT_STEPS = 1_000_000  # of the last pass that may end so
 
 
 class StepOrTolerance:
@@ -105,6 +111,10 @@ class ToleranceRun:
             made = error_bars(self.case, traj).made
             bars = made.confirmed(traj.x, before, done[-2].x) if before else made
             error = float(np.max(bars.state))
+            if self._has_too_long_steps(traj, h):
+                h = whole_steps(np.diff(self.case.t), h / SHORTENED)
+                before = None
+                continue
             if not traj.status.ok or not np.isfinite(error):
                 return self._ended(done, bars, _failed(traj, bars))
             if error <= self.tolerance:
@@ -117,6 +127,11 @@ class ToleranceRun:
                 break
         why = f"The tolerance {self.tolerance:.3g} was not reached: the error bar is {error:.3g}."
         return self._ended(done, bars, Status("unverified", why))
+
+    def _has_too_long_steps(self, traj: Trajectory, h: np.ndarray) -> bool:
+        """Did a pass end as one with too long steps does, and may shorter ones be tried?"""
+        next_count = SHORTENED * float((np.diff(self.case.t) / h).sum())
+        return traj.status.code in TOO_LONG and next_count <= SOUGHT_STEPS
 
     def _ended(self, done: list[Trajectory], bars: Bars, status: Status) -> Trajectory:
         last = done[-1]

@@ -9,19 +9,18 @@ import numpy as np
 from nsbench.report.style import format_number
 from nsbench.studies.curves import Curve, Panel, draw_panels
 from nsbench.studies.finding import Effort, EvidenceFigure, EvidenceTable, Finding
+from nsbench.studies.plateau.scenes import find_scene
 from nsbench.studies.registry import find_study
 from nsbench.studies.stability.held_stack import hold
-from nsbench.studies.stability.maps import DIVISORS, MAPS, OWN, Map, fill_row
+from nsbench.studies.stability.maps import DIVISORS, MAPS, OWN, Map, fill_row, methods_of
 
 HOLDS = (  # discs and steps: small form, full form
     ((10, 1000), (30, 1000), (100, 1000)),
     ((10, 10**5), (30, 10**5), (100, 10**5), (1000, 10**5)),
 )
 HELD_BY = ("pbd", "pbd[order=reverse]", "pbd[sweeps=8]", "catching_up", "event_driven")
-MAX_QP_STEPS = 10**8  # discs squared times steps that catching_up is asked for
 REST = 1e-9  # radii in one step: a stack of which no disc moves further has come to rest
 SILENT = 0.1  # of the motion: an error above it under the status ok is worth a warning
-SLOW_TO_HOLD = "catching_up"
 REFUTATION = (
     "A cell with the status ok whose error does not belong to the step, or a failure without a "
     "sentence; a stack that drifts or jitters after the load has reached the floor."
@@ -37,12 +36,11 @@ def conduct(effort: Effort) -> Finding:
             raise ArithmeticError(f"{m.name} {value}: {cell['method']} has no error and no reason")
     holds = []
     for n, steps in HOLDS[effort.full]:
-        for method in HELD_BY:
-            count = min(steps, MAX_QP_STEPS // n**2) if method == SLOW_TO_HOLD else steps
-            effort.report(f"stability: {n} discs held by {method} for {count} steps")
+        for method in _holders(effort.full):
+            effort.report(f"stability: {n} discs held by {method} for {steps} steps")
             holds.append(
                 effort.journal.part(
-                    f"hold {n} {count} {method}", lambda a=(n, count, method): hold(*a)
+                    f"hold {n} {steps} {method}", lambda a=(n, steps, method): hold(*a)
                 )
             )
     return Finding(
@@ -63,6 +61,12 @@ def conduct(effort: Effort) -> Finding:
             "stacks": holds,
         },
     )
+
+
+def _holders(full: bool) -> list[str]:
+    """List the methods that hold stacks; in the full form with all standard ones that can."""
+    more = methods_of(find_scene(f"stack[n={HOLDS[0][0][0]}]")) if full else []
+    return list(dict.fromkeys([*HELD_BY, *more]))
 
 
 def _fill(effort: Effort, m: Map) -> dict[float, list[dict]]:
@@ -103,6 +107,7 @@ def _evidence(cells, holds) -> tuple[str, ...]:
     shares = "; ".join(f"{m} {sum(v)} of {len(v)}" for m, v in sorted(by_method.items()))
     jitter = max((h for h in holds if "jitter" in h), key=lambda h: h["jitter"])
     rise = max(h["rise"] for h in holds if "rise" in h)
+    deepest = max((h for h in holds if "sunk" in h and _is_sound(h)), key=lambda h: h["sunk"])
     silent = [
         (c["share"], f"{c['method']} on {m.name} {value:g}", c)
         for m, value, c in cells
@@ -120,7 +125,8 @@ def _evidence(cells, holds) -> tuple[str, ...]:
         f"Largest displacement in one of the last steps of a held stack: "
         f"{format_number(jitter['jitter'], 2)} radii ({jitter['method']}, n = {jitter['n']}, "
         f"{jitter['steps']} steps); largest rise of the energy between samples: "
-        f"{format_number(rise, 2)}.",
+        f"{format_number(rise, 2)}. Sunk the most under a status of a sound run: "
+        f"{format_number(deepest['sunk'], 3)} radii ({deepest['method']}, n = {deepest['n']}).",
         "A column sinks under PBD until its floor carries the whole load, which takes a number of "
         "steps that grows like n^2 (study `multipliers`): taller stacks are still sinking here.",
     )
@@ -181,7 +187,8 @@ def _holds_table(holds: list[dict]) -> EvidenceTable:
         "A column of discs that must stay still",
         (*fields, "sunk", "drift per unit time", "jitter", "energy", "energy rise", "sideways"),
         tuple((*(h[f] for f in fields), *(h.get(v) for v in values)) for h in holds),
-        "Lengths in radii, unit weights and gravity. Sunk: largest displacement; drift: of the "
+        "Lengths in radii, unit weights and gravity; methods without a step have their default "
+        "accuracy. Sunk: largest displacement; drift: of the "
         "mean height in the second half; jitter: largest displacement in one of the last steps; "
         "energy: change of the potential energy; rise: its largest increase between samples.",
     )
@@ -197,7 +204,7 @@ def _figures(maps, holds) -> tuple[EvidenceFigure, ...]:
         ]
         panels.append(Panel(f"{m.difficulty}", tuple(curves), "h", "largest state error"))
     curves = []
-    for method in HELD_BY:
+    for method in dict.fromkeys(h["method"] for h in holds):
         own = [h for h in holds if h["method"] == method and "sunk" in h]
         curves.append(Curve(method, [h["n"] for h in own], [h["sunk"] for h in own]))
     panels.append(Panel("held stacks", tuple(curves), "discs", "sunk, in radii"))
