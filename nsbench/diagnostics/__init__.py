@@ -97,6 +97,15 @@ CHECKS = (
         f"{soft_springs.SOFT:g} of own length, or > 0 and 1 / k > {soft_springs.SLOW:g} own time",
     ),
     Check(
+        "deep_overlap",
+        Complementarity,
+        passed_through.check_deep_overlap,
+        UNVERIFIED,
+        even_if_exact=True,
+        criterion=f"overlap of hard particles at a sample > {passed_through.DEEP:g} of the "
+        "distance that they keep, and more than at the start",
+    ),
+    Check(
         "flat_switch",
         Filippov,
         flat_switch.check_flat_switch,

@@ -1,10 +1,10 @@
-"""Explicit steps that overshoot between walls: the state does not grow for long, walls catch it."""
+"""Steps too long for a scene: they overshoot between walls, or press particles into one another."""
 
 import numpy as np
 import pytest
 
 import nsbench
-from nsbench import Affine, Case, Complementarity
+from nsbench import Affine, Case, Complementarity, Distance, get_case
 
 
 def stiff(rate, **changes):
@@ -40,3 +40,27 @@ def test_a_state_that_a_wall_holds_is_not_doubted(method):
     case = stiff(1e4, problem=Complementarity(problem.drift, (walls,)), x0=np.array([0.1, 0.0]))
     case = case.replace(t=np.linspace(3.2, 6.2, 31))  # sin t < 0.1
     assert nsbench.solve(case, method, h=1e-2).status.ok
+
+
+def test_discs_that_overlap_by_more_than_half_are_doubted():
+    """Loads of a column press discs into one another if steps, or springs, are too coarse."""
+    case = get_case("stack", n=10).replace(t=np.linspace(0.0, 8.0, 5))
+    traj = nsbench.solve(case, "pbd", h=0.5)
+    assert traj.status.check == "deep_overlap" and "too long" in traj.status.why
+    assert nsbench.solve(case, "pbd", h=0.02).status.ok
+    assert nsbench.solve(case, "catching_up", h=0.5).status.ok
+
+
+def test_discs_may_overlap_as_they_do_at_the_start():
+    """Springs part discs of distance 2 slowly: they overlap as deep as at the start for long."""
+
+    def drift(xp):
+        return lambda t, x: 0.0 * x
+
+    pair = Distance(start=0, dim=2, radii=np.ones(2))
+    x0 = np.array([0.0, 0.0, 0.8, 0.0])
+    problem = Complementarity(drift, (pair,))
+    case = Case("pair", problem, x0=x0, t=np.linspace(0.0, 0.05, 5), start="keep")
+    traj = nsbench.solve(case, "penalty", k=1.0)
+    assert np.linalg.norm(traj.x[-1, 2:] - traj.x[-1, :2]) < 1.0
+    assert traj.status.ok
