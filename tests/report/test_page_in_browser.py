@@ -264,12 +264,15 @@ def test_error_bars_stand_in_tooltips_and_runs_where_there_are_some(page):
 
 
 @pytest.mark.long
-def test_violations_of_runs_are_in_per_cent_where_the_case_has_a_length(page):
+def test_numbers_of_runs_are_in_per_cent_of_a_length_and_not_below_the_floor(page):
     for case, shown in (("tide", True), ("apple", False)):
         page.evaluate(f"document.querySelector('#runs-{case} summary').click()")
         page.wait_for_selector(f"#runs-{case} table")
         parts = page.locator(f"#runs-{case} td small").all_text_contents()
         assert bool(parts) == shown and all(part.endswith(" %") for part in parts)
+    errors = "[[3e-3, 1e-4], [3e-9, 1e-4], [3e-9, null], [null, 1e-4]]"
+    shown = page.evaluate(f"{errors}.map(([v, floor]) => explore.error(v, floor))")
+    assert shown[1:3] == ["< 1e-4", "3e-9"] and shown[0] == "3e-3" and shown[3]
     parts = "[[0.03, 2], [null, 2], [1, null]].map(([v, length]) => explore.part(v, length))"
     assert page.evaluate(parts) == ["1.5 %", "", ""]
 

@@ -227,8 +227,10 @@ const explore = {
       for (const pair of pairs) {
         pair.status.forEach((status, k) => {
           const part = explore.part(pair.violation[k], nsbench.data.cases[c].length);
-          const cells = [pair.h, null, pair.state, pair.force, pair.violation].map((column) =>
-            nsbench.make("td", { class: "number" }, column ? nsbench.format(column[k]) : status));
+          const texts = [nsbench.format(pair.h[k]), status,
+            explore.error(pair.state[k], pair.floors.state),
+            explore.error(pair.force[k], pair.floors.force), nsbench.format(pair.violation[k])];
+          const cells = texts.map((text) => nsbench.make("td", { class: "number" }, text));
           cells.at(-1).append(...(part ? [nsbench.make("small", {}, part)] : []));
           cells.push(nsbench.make("td", { class: "number" }, nsbench.seconds(pair.seconds[k])));
           const bar = nsbench.barText(pair.bars.state?.[k]);
@@ -245,6 +247,11 @@ const explore = {
         nsbench.make("table", {}, nsbench.make("thead", {}, head), body)));
     });
     return details;
+  },
+
+  // An error, or the floor of its reference: what lies below it is not known.
+  error(value, floor) {
+    return value !== null && value < floor ? `< ${nsbench.format(floor)}` : nsbench.format(value);
   },
 
   // A violation in per cent of the length that its case has of its own; "" without one.
