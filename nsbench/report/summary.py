@@ -57,6 +57,8 @@ class Order:
 class Summary:
     """One method on one case.
 
+    force: of the impulse, or the reaction where that alone is unique; settled: of multipliers at
+    single times, as means over a sample interval away from events.
     outcome: the sentence that replaces all numbers where no run gave one, else "".
     """
 
@@ -64,6 +66,7 @@ class Summary:
     state: Order
     force: Order
     violation: Order
+    settled: Order
     statuses: Counter
     outcome: str
 
@@ -102,6 +105,7 @@ def summarise(data: Data) -> dict[tuple[str, str], Summary]:
             estimate_order(runs, "state_sup", claims, fit),
             estimate_order(runs, force, claims, fit),
             estimate_order(runs, "feasibility", {}, fit),
+            estimate_order(runs, "settled", {}, fit),
             statuses,
             _outcome(runs, statuses),
         )

@@ -27,6 +27,7 @@ from nsbench.report.summary import OPEN, Order, Summary, find_silent_failures, f
 
 Summaries = dict[tuple[str, str], Summary]  # by (case, method)
 MAX_DEVIATIONS = 12  # listed in the opening; the table has them all
+LEVELS = ("plateau", "diverges")  # verdicts of an error that does not go to zero
 TALK_FACTOR = 100  # of stepping with an inner QP over PBD, as the talk has it
 
 
@@ -180,7 +181,7 @@ def _orders(summaries: Summaries) -> Iterator[str]:
         ("Above the claim", lambda o: o.kind == "fit" and o.flag == "above"),
         (
             "A limit of its own, or none",
-            lambda o: o.verdict in ("plateau", "diverges") and not o.flag,
+            lambda o: o.verdict in LEVELS and not o.flag,
         ),
     ):
         found = [(s, o) for s, o in pairs if test(o)]
@@ -261,27 +262,26 @@ def _multipliers(summaries: Summaries) -> Iterator[str]:
     solvers = _by_solver(summaries)
     pairs = [(s, s.force) for s in summaries.values() if s.word == "ok"]
     for metric in ("impulse", "reaction"):
-        convergent = {
-            name: [
-                s.force
-                for s in group
-                if s.force.metric == metric
-                and s.force.verdict == "order"
-                and s.force.interval[0] > 0
-            ]
+        orders = {
+            name: [s.force for s in group if s.force.metric == metric]
             for name, group in solvers.items()
         }
-        methods = [f"{name} {_spread(f)}" for name, f in convergent.items() if f]
-        if methods:
-            yield f"The {metric} converges, with order: {'; '.join(methods)}."
+        if methods := _convergent(orders):
+            yield f"The {metric} converges, with order: {methods}."
     exact = [(s, o) for s, o in pairs if o.kind == "exact"]
     if exact:
         yield f"Exact: {_pairs(exact, lambda o: '')}."
-    doubtful = [(s, o) for s, o in pairs if o.verdict in ("plateau", "diverges")]
+    doubtful = [(s, o) for s, o in pairs if o.verdict in LEVELS]
     if doubtful:
         yield f"Do not trust: {_pairs(doubtful, _describe_order)}."
     elif pairs:
-        yield "No multiplier was found to level off or to diverge."
+        yield "No impulse or reaction was found to level off or to diverge."
+    single = {name: [s.settled for s in group] for name, group in solvers.items()}
+    if methods := _convergent(single):
+        yield (
+            "At single times multipliers converge away from events, as means over a sample "
+            f"interval, with order: {methods}."
+        )
     yield from _without_verdict(pairs)
     nonunique = sorted({s.case for s in summaries.values() if s.force.metric == "reaction"})
     if nonunique:
@@ -289,6 +289,15 @@ def _multipliers(summaries: Summaries) -> Iterator[str]:
             f"Not unique, so that only the reaction can be compared: {join_names(nonunique)}. "
             "Which multiplier a method picks there is a selection, not an error."
         )
+
+
+def _convergent(orders: dict[str, list[Order]]) -> str:
+    """Format, by method, the range of orders of those that converge; "" without any."""
+    kept = {
+        name: [o for o in group if o.verdict == "order" and o.interval[0] > 0]
+        for name, group in orders.items()
+    }
+    return "; ".join(f"{name} {_spread(group)}" for name, group in kept.items() if group)
 
 
 def _violations(data: Data, summaries: Summaries) -> Iterator[str]:
