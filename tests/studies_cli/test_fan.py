@@ -25,6 +25,14 @@ def test_parts_add_up_to_the_error_against_the_closed_form(corner, wall):
     assert np.abs(wall.error).max() > 1e-3
 
 
+def test_an_error_that_is_rounding_is_made_of_no_parts():
+    """Catching-up is exact in the corner."""
+    case = nsbench.get_case("wedge", psi=60.0, swell=0.5)
+    fan = open_fan(case, "catching_up", 2.0, 6)
+    assert np.abs(fan.error).max() < 1e-15 and fan.mismatch < 0.01
+    assert np.isnan(fan.share(CONTACT)) and np.isnan(fan.share_before_last_event())
+
+
 def test_the_corner_forgets_and_only_the_last_sweep_is_left(corner):
     assert np.abs(corner.parts).max() < 1e-9
     assert corner.violation == pytest.approx(corner.error, rel=1e-6)

@@ -141,6 +141,8 @@ class HostLoop:
 
         z (n,): the Euler step; h: its length. Returns code, mu, y and the KKT residual.
         """
+        from nsbench.solvers.catching_up.kernels.list_certificate import next_skin
+
         while True:
             code, mu, y, kkt, far, last = (self._nonlinear if self.nonlinear else self._linear)(
                 after, x, z, h
@@ -148,7 +150,8 @@ class HostLoop:
             if code == "infeasible" or not 2.0 * far > self.list.skin:
                 self.list.mu = mu
                 return code, mu, y, kkt
-            self.list = _List(self.scene, x, max(self.reach, 8.0 * last), after, self.list, mu)
+            skin = next_skin.py_func(self.reach, 2.0 * last)
+            self.list = _List(self.scene, x, skin, after, self.list, mu)
             self.stats["rebuilds"] += 1
             self.peak = max(self.peak, len(self.list.near))
 

@@ -73,10 +73,10 @@ def describe_fan(case: str, end: float, method: str, steps: int) -> dict:
         "mismatch": fan.mismatch,
         "growth": _finite(fan.growth),
         "violation": float(np.linalg.norm(fan.violation)),
-        "violation_share": float(fan.violation @ fan.error / (fan.error @ fan.error)),
-        "shares": {p: fan.share(p) for p in PHASES},
+        "violation_share": _finite(fan.along_error(fan.violation)),
+        "shares": {p: _finite(fan.share(p)) for p in PHASES},
         "defects": {p: _finite(fan.largest_defect(p)) for p in PHASES},
-        "before_last_event": fan.share_before_last_event(),
+        "before_last_event": _finite(fan.share_before_last_event()),
         "times": fan.t.tolist(),
         "parts": _signed_sizes(fan),
         "phases": list(fan.phases),
@@ -88,8 +88,8 @@ def _finite(value: float) -> float | None:
 
 
 def _signed_sizes(fan: Fan) -> list[float]:
-    """Parts along the direction of the global error, as fractions of it."""
-    return (fan.parts @ fan.error / (fan.error @ fan.error)).tolist()
+    """Parts along the direction of the global error, as fractions of it; 0.0 of none."""
+    return [_finite(fan.along_error(part)) or 0.0 for part in fan.parts]
 
 
 def _pairs(entries: list[dict]) -> list[tuple[dict, dict]]:

@@ -50,9 +50,19 @@ class Fan:
 
     @property
     def mismatch(self) -> float:
-        """Return |violation + sum of parts - error| over |error|, in the largest coordinate."""
+        """Return |violation + sum of parts - error| over |error|, in the largest coordinate.
+
+        An error that is rounding of the reference counts as NO_DEFECT.
+        """
         total = self.violation + self.parts.sum(axis=0)
-        return float(np.abs(total - self.error).max() / np.abs(self.error).max())
+        size = max(float(np.abs(self.error).max()), NO_DEFECT)
+        return float(np.abs(total - self.error).max() / size)
+
+    def along_error(self, part: np.ndarray) -> float:
+        """Return the share of the error that a part (n,) makes; NaN where there is no error."""
+        if np.abs(self.error).max() < NO_DEFECT:
+            return float("nan")
+        return float(part @ self.error / (self.error @ self.error))
 
     @property
     def growth(self) -> float:
@@ -66,14 +76,12 @@ class Fan:
     def share(self, phase: str) -> float:
         """Return the part of the steps of a phase, along the error, over the error."""
         chosen = np.array([p == phase for p in self.phases])
-        total = self.parts[chosen].sum(axis=0)
-        return float(total @ self.error / (self.error @ self.error))
+        return self.along_error(self.parts[chosen].sum(axis=0))
 
     def share_before_last_event(self) -> float:
         """Return the share of the steps before the last one that holds an event."""
         events = [n for n, p in enumerate(self.phases) if p == EVENT]
-        total = self.parts[: events[-1] if events else 0].sum(axis=0)
-        return float(total @ self.error / (self.error @ self.error))
+        return self.along_error(self.parts[: events[-1] if events else 0].sum(axis=0))
 
     def largest_defect(self, phase: str) -> float:
         """Return the largest norm of a local defect in a phase; NaN without such steps."""

@@ -1,10 +1,9 @@
 """Time loop of the catching-up scheme: Euler, linearised gaps, least-distance problem.
 
-Hard particles come from neighbour lists under a certificate. A list holds every pair whose gap was
-at most `skin` when it was built. Gaps of discs are convex, so a linearised gap falls by no more
-than the two particles move; if each has moved by at most skin / 2 since then, the step just solved
-included, no pair left out can be violated by it, and the step is the one over all pairs. Otherwise
-the list is built anew, longer if one step alone is the reason, and the step is done again.
+Hard particles come from neighbour lists under a certificate (list_certificate): as long as its skin
+suffices, no pair left out can be violated by a step, and the step is the one over all pairs.
+Otherwise the list is built anew, with the skin that the step just solved asks for, and the step is
+done again.
 """
 
 from __future__ import annotations
@@ -17,19 +16,17 @@ from nsbench.compilation.decorators import inlined, njit
 from nsbench.dynamics.contacts.kernels.impulse_records import flush
 from nsbench.qp.kernels import active_set
 from nsbench.solvers.catching_up.kernels.candidates import carry_multipliers
+from nsbench.solvers.catching_up.kernels.list_certificate import needed_skins, next_skin
 from nsbench.solvers.catching_up.kernels.projection_step import (
     ACTING,
     PEAK,
     REBUILDS,
     CandidateList,
     ContactScene,
-    largest_displacements,
     list_candidates,
     project,
 )
 from nsbench.solvers.common.kernels.step_code import StepCode, all_finite
-
-SKIN_OVER_STEP = 8.0  # skin over the displacement of a step: a list should outlive its own step
 
 
 class CatchingUpResult(NamedTuple):
@@ -56,12 +53,13 @@ class CatchingUpResult(NamedTuple):
 class Motion(NamedTuple):
     """Arrays (n,) of the motion, overwritten by every step.
 
-    x: the state; z: Euler's step from it; v: the drift; reaction: its integral; base: where the
-    list was built.
+    x: the state; z: Euler's step from it; y: what the projection makes of that; v: the drift;
+    reaction: its integral; base: where the list was built.
     """
 
     x: np.ndarray
     z: np.ndarray
+    y: np.ndarray
     v: np.ndarray
     reaction: np.ndarray
     base: np.ndarray
@@ -115,11 +113,13 @@ def solve_step(exact, many, scene, motion, state, records, count, sample, now, r
         mu, d, code, kkt, book, store = project(
             exact, many, near, book, store, scene, x, motion.z, guess, count
         )
-        far, last = largest_displacements(motion.base, x, motion.z, d, scene.hard)
-        if code == active_set.INFEASIBLE or not 2.0 * far > skin:
+        for c in range(x.size):
+            motion.y[c] = motion.z[c] + d[c]
+        needed, alone = needed_skins(motion.base, x, motion.y, scene.hard, scene.radii, skin)
+        if code == active_set.INFEASIBLE or not needed > skin:
             break
         records = record_impulses(sample, near, records)
-        skin = max(reach, SKIN_OVER_STEP * last)
+        skin = next_skin(reach, alone)
         old_keys = near.keys
         near = list_candidates(x, skin, scene)
         guess = carry_multipliers(old_keys, mu, near.keys)
@@ -190,7 +190,9 @@ def march(
     for k in range(K):
         for c in range(n):
             X[k, c] = R[k, c] = np.nan
-    motion = Motion(x.copy(), np.empty(n), np.empty(n), np.zeros(n), x.copy())
+    motion = Motion(
+        x.copy(), np.empty(n), np.empty(n), np.empty(n), np.zeros(n), x.copy()
+    )
     scene = ContactScene(static, rows, b, anchors, hard, radii)
     near = list_candidates(x, reach, scene)
     count = np.zeros(8, np.int64)

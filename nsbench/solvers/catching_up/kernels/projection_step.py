@@ -109,26 +109,6 @@ def linearise(
 
 
 @njit(cache=True, error_model="numpy")
-def largest_displacements(
-    base: np.ndarray, x: np.ndarray, z: np.ndarray, d: np.ndarray, hard: np.ndarray
-) -> tuple[float, float]:
-    """Return the largest displacements of hard particles, base -> x -> z + d and x -> z + d."""
-    far = 0.0
-    last = 0.0
-    for u in range(hard.shape[0]):
-        _, start, n, dim = hard[u]
-        for i in range(n):
-            s = 0.0
-            v = 0.0
-            for c in range(start + i * dim, start + (i + 1) * dim):
-                s += (x[c] - base[c]) ** 2
-                v += (z[c] + d[c] - x[c]) ** 2
-            far = max(far, np.sqrt(s) + np.sqrt(v))
-            last = max(last, np.sqrt(v))
-    return far, last
-
-
-@njit(cache=True, error_model="numpy")
 def project(exact, many, near, book, store, scene, x, z, guess, count):
     """Solve for the point y nearest to z where the gaps linearised at x are not negative.
 
