@@ -26,6 +26,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
@@ -33,9 +34,9 @@ from nsbench.dynamics.contacts.candidates import PAIR, ROW
 from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 from nsbench.error_bars.contact_rows import ContactRows
 from nsbench.error_bars.entry import LINEARISED
-from nsbench.error_bars.growth import Linear, grown, linear_drift, pushed, tangential
+from nsbench.error_bars.growth import Linear, drifted, grown, linear_drift, pushed, tangential
 from nsbench.error_bars.local_solution import MOST_PIECES, local_solution
-from nsbench.error_bars.shadow import Shadow, Stretch
+from nsbench.error_bars.shadow import Shadow, Stretch, bezier_middle
 from nsbench.error_bars.split_bound import SplitBound
 
 # of the vectors whose sum is an error: they may cancel by more than they are right
@@ -73,6 +74,32 @@ class Growth:
     unallowed: np.ndarray = field(default_factory=lambda: np.empty(0))
 
 
+@dataclass(frozen=True)
+class Leg:
+    """Part of the curve from t over a length H on which the contacts `rows` act with multipliers
+    q (m,): x (n,) its middle, end (n,) its end, face: contacts that act on and behind it."""
+
+    t: float
+    H: float
+    rows: ContactRows
+    x: np.ndarray
+    q: np.ndarray
+    face: ContactRows
+    end: np.ndarray
+
+    def carried(self, drift: Callable, delta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the error delta (n,) at the end, and the integral (n,) of J delta."""
+        if not (self.H > 0.0 and np.any(delta)):
+            return delta, np.zeros_like(delta)
+        at = self.t + 0.5 * self.H
+        rate = pushed(drift, self.rows, at, self.x, self.q, delta)
+        new = tangential(self.face, self.t + self.H, self.end, grown(self.H, rate, delta))
+        middle = 0.5 * (delta + new)
+        if not np.any(middle):
+            return new, middle
+        return new, self.H * drifted(drift, at, self.x, middle)
+
+
 class Path:
     """The comparison curve of a run: feasible states at its nodes, arcs and local solutions.
 
@@ -101,7 +128,6 @@ class Path:
         self.along = np.zeros((K - 1, scene.n))  # integral of the drift
         self.doubt = np.zeros(K - 1)  # of that integral
         self.stretches: dict[int, list[Stretch]] = {}  # by interval
-        self.middle: dict[int, tuple] = {}
         self.is_complete = True
         self.is_feasible = self.shadow.holds(nodes.t, self.Y)
         self._integrate()
@@ -136,7 +162,6 @@ class Path:
         self.doubt[at] = arcs.doubts(H)
         rows = self.shadow.rows(ids)
         for k, j in enumerate(at):
-            self.middle[int(j)] = rows, arcs.middle[k], arcs.q[2, k]
             place = float(t[k]), float(H[k]), arcs.controls[:, k], Y[j + 1]
             loads = arcs.q[:, k]
             rho = arcs.residual[:, k]
@@ -156,7 +181,6 @@ class Path:
         self.size[j] = found.residual + np.linalg.norm(self.push[j])
         self.along[j] = found.drift
         self.doubt[j] = found.doubt
-        self.middle[j] = self.shadow.rows(()), 0.5 * (self.Y[j] + self.Y[j + 1]), np.empty(0)
         self.stretches[j] = found.pieces
 
     def bound(self) -> Growth:
@@ -190,17 +214,12 @@ class Path:
         delta[0] = self.Y[0] - self.nodes.x[0]
         pulled = np.zeros_like(self.Y)  # integral of J (Y - x)
         slack = np.append(0.0, np.cumsum(self.slack))
-        for j, H in enumerate(self.H):
-            rows, x, q = self.middle[j]
-            at = float(self.nodes.t[j] + 0.5 * H)
+        for j in range(len(self.H)):
             new = delta[j]
             pulled[j + 1] = pulled[j]
-            if np.any(new):
-                new = grown(H, pushed(drift, rows, at, x, q, new), new)
-                face = self.shadow.rows(self.closed[j + 1])
-                new = tangential(face, at + 0.5 * H, self.Y[j + 1], new)
-                middle = 0.5 * (delta[j] + new)
-                pulled[j + 1] += H * pushed(drift, self.shadow.rows(()), at, x, q, middle)
+            for leg in self._legs(j) if np.any(new) else ():
+                new, more = leg.carried(drift, new)
+                pulled[j + 1] += more
             delta[j + 1] = new + self.push[j]
         offset = self.nodes.x - self.Y
         norms = [np.linalg.norm(v, axis=1) for v in (offset, delta, pulled)]
@@ -209,6 +228,22 @@ class Path:
         reaction = LINEARISED * slack + CANCELLED * sum(norms)
         vector = offset + delta
         return Growth(LINEARISED, state, reaction, vector - pulled, vector, together + slack)
+
+    def _legs(self, j: int) -> list[Leg]:
+        """Return the parts of interval j on each of which the same contacts act.
+
+        Contacts that act on two parts that follow one another take off what errors have along
+        their normals in between; at the end those that act in the next interval as well.
+        """
+        parts = self.stretches[j]
+        faces = [tuple(c for c in a.ids if c in set(b.ids)) for a, b in pairwise(parts)]
+        faces.append(self.closed[j + 1])
+        ends = [*(s.end for s in parts[:-1]), self.Y[j + 1]]
+        rows = self.shadow.rows
+        return [
+            Leg(s.t, s.H, rows(s.ids), bezier_middle(s.states), s.loads[2], rows(face), end)
+            for s, face, end in zip(parts, faces, ends, strict=True)
+        ]
 
     def has_passed(self) -> bool:
         """Are particles on a line in another order somewhere than at the start?

@@ -65,6 +65,14 @@ def tangential(rows: ContactRows, t: float, x: np.ndarray, delta: np.ndarray) ->
     return delta - normal_part(N, N @ delta)[0]
 
 
+def drifted(drift: Callable, t: float, x: np.ndarray, delta: np.ndarray) -> np.ndarray:
+    """Return J delta (n,), the rate at which the drift parts two motions that are delta apart."""
+    length = size(delta)
+    step = NUDGE / length * delta
+    slope = np.asarray(drift(t, x + step), float) - drift(t, x - step)
+    return slope * (0.5 * length / NUDGE)
+
+
 def pushed(drift: Callable, rows: ContactRows, t: float, x: np.ndarray, q: np.ndarray, delta):
     """Return (n,) the rate of a small error delta of a motion on the face of the contacts `rows`.
 
@@ -72,14 +80,13 @@ def pushed(drift: Callable, rows: ContactRows, t: float, x: np.ndarray, q: np.nd
     the contacts take off it along their normals: the curvature of contacts under load drives
     neighbouring motions apart.
     """
-    length = size(delta)
-    step = NUDGE / length * delta
-    both = np.array([x + step, x - step])
-    slope = np.asarray(drift(t, both[0]), float) - drift(t, both[1])
+    rate = drifted(drift, t, x, delta)
     if rows.m and not rows.is_straight:
-        up, down = rows.gradients(np.array([t, t]), both)
-        slope = slope + (up - down).T @ q
-    return slope * (0.5 * length / NUDGE)
+        length = size(delta)
+        step = NUDGE / length * delta
+        up, down = rows.gradients(np.array([t, t]), np.array([x + step, x - step]))
+        rate = rate + (up - down).T @ q * (0.5 * length / NUDGE)
+    return rate
 
 
 def grown(H: float, rate: np.ndarray, delta: np.ndarray) -> np.ndarray:

@@ -158,7 +158,7 @@ class Shadow:
             unseen = np.maximum(unseen, H * off)
         controls = bezier(Y0, Y1, H[:, None] * V0, H[:, None] * V1)
         controls += middle - bezier_middle(controls)
-        return Arcs(residual, field, inside, middle, q, controls, unseen)
+        return Arcs(residual, field, inside, q, controls, unseen)
 
 
 @dataclass(frozen=True)
@@ -185,16 +185,15 @@ class Stretch:
 class Arcs:
     """Residuals (5, K, n) and drifts (5, K, n) at PLACES of K arcs; `inside` (K,): is it in S?
 
-    middle (K, n): states in the middle; q (5, K, m): multipliers of unit gradients at PLACES;
-    controls (4, K, n): Bezier control points; unseen (K,): integrals of what the drift is beside
-    the polynomial through PLACES, as far as HIDDEN places show it.
+    q (5, K, m): multipliers of unit gradients at PLACES; controls (4, K, n): Bezier control points;
+    unseen (K,): integrals of what the drift is beside the polynomial through PLACES, as far as
+    HIDDEN places show it.
     """
 
-    def __init__(self, residual, field, inside, middle, q, controls, unseen):
+    def __init__(self, residual, field, inside, q, controls, unseen):
         self.residual = residual
         self.field = field
         self.inside = inside
-        self.middle = middle
         self.q = q
         self.controls = controls
         self.unseen = unseen

@@ -122,6 +122,16 @@ def test_a_confirmed_estimate_is_above_the_error_and_nearer_to_it(name):
     assert confirmed.state.max() < 0.95 * short.state.max()
 
 
+@pytest.mark.parametrize("name, method", [("discs[n=10]", "catching_up"), ("bean", "pbd")])
+def test_errors_are_carried_through_intervals_in_which_contacts_close_and_open(name, method):
+    """Loaded contacts are curved there as anywhere: they drive neighbouring motions apart."""
+    case = get_case(name)
+    traj = nsbench.solve(case, method, h=np.diff(case.t).min() / 4)
+    apart = traj.x - reference(case).x
+    missed = np.linalg.norm(error_bars(case, traj).made.vector - apart, axis=1).max()
+    assert missed < 0.15 * np.linalg.norm(apart, axis=1).max()
+
+
 def test_the_vector_of_an_estimate_has_the_units_of_the_state():
     case = get_case("two_discs")
     traj = nsbench.solve(case, "pbd", h=0.05)
