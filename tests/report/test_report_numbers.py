@@ -250,6 +250,10 @@ def test_methods_keep_their_look_and_variants_share_a_colour():
     )
     assert look["pbd"].colour == look["pbd[order=reverse]"].colour != look["catching_up"].colour
     assert len({(v.tone, v.marker, v.line) for v in look.values()}) == len(look)
+    # lines without markers: performance profiles
+    variants = ("", "[order=reverse]", "[order=random,seed=2]", "[order=random,seed=5]", "[tol=1e-2]")
+    five = style.assign_looks([f"pbd{v}" for v in variants]).values()
+    assert len({v.line for v in five}) == 5
 
 
 def test_the_distance_from_the_exact_path_is_that_of_the_polygon():

@@ -119,8 +119,8 @@ def profile_chart(methods: Methods) -> Spec:
                         "title": "share of the cases solved",
                     },
                     "order": {"field": "x"},
-                    "color": _colour(methods),
-                    "strokeDash": _dashes(methods),
+                    "color": _with_long_symbols(_colour(methods)),
+                    "strokeDash": _with_long_symbols(_dashes(methods)),
                     "opacity": _opacity(),
                     "tooltip": [
                         {"field": "method"},
@@ -359,6 +359,11 @@ def _colour(methods: Methods) -> Spec:
 def _dashes(methods: Methods) -> Spec:
     dashes = [[float(v) for v in DASHES[look.line].split()] or [1, 0] for _, look in methods]
     return _channel(methods, dashes)
+
+
+def _with_long_symbols(channel: Spec) -> Spec:
+    """Draw the lines of a legend long enough for the longest dashes to repeat."""
+    return {**channel, "legend": {**LEGEND, "symbolSize": 900}}
 
 
 def _unlisted(channel: Spec) -> Spec:

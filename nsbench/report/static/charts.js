@@ -2,7 +2,8 @@
 // The data are JSON, compressed by gzip; every chart is a Vega-Lite layout with rows put in. Vega
 // interprets its expressions (ast: true), so that the page needs no eval.
 const nsbench = {
-  NARROW: 720, // pixels, as in the style sheet: below it legends have two columns
+  NARROW: 720, // pixels, as in the style sheet: below it legends have fewer columns
+  SHORT_NAME: 16, // characters of a method: two such names fit beside each other there
   data: null,
 
   // Decode the compressed data; resolves to nothing where the browser cannot.
@@ -121,7 +122,8 @@ const nsbench = {
         const coloured = typeof shown[0]?.[1] === "string" && shown[0][1].startsWith("#");
         node.scale.domain = shown.map(([name]) => name);
         if (node.legend) {
-          node.legend.columns = innerWidth < nsbench.NARROW ? 2 : 4;
+          const hasLong = shown.some(([name]) => name.length > nsbench.SHORT_NAME);
+          node.legend.columns = innerWidth < nsbench.NARROW ? (hasLong ? 1 : 2) : 4;
         }
         node.scale.range = shown.map(([name, value]) =>
           coloured ? style.getPropertyValue(`--m${tones[name]}`).trim() : value
