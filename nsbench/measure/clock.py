@@ -17,8 +17,9 @@ import numpy as np
 ROUNDS = 7
 FEWEST = 3  # of rounds: quartiles of less say nothing
 TURNS = 0.03  # seconds: what the turns of one row may take together, if they are not FEWEST
-# seconds: a run that takes longer is timed once; several slices of a scheduler average out within
-LONG = 0.02
+# seconds: a run that takes longer is timed once. On a shared machine a run takes 1.7 times as long
+# at one moment as at another: a curve whose runs were timed at different moments zigzags
+LONG = 0.1
 AGAIN = 5e-3  # seconds: a preparation that is quicker hides no compilation
 # seconds: a run that is shorter is repeated within its turn until the turn lasts this long
 LEAST = 0.02

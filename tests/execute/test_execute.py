@@ -164,7 +164,7 @@ def test_rounds_begin_with_another_run_each_time_and_long_runs_are_timed_once():
     seen = []
     times = clock.in_rounds([lambda: None] * 3, [3, 3, 1], seen.append)
     assert [len(t) for t in times] == [3, 3, 1] and seen == [0, 1, 2, 1, 0, 0, 1]
-    assert [clock.rounds_of(s) for s in (1e-6, 0.006, 0.015, 0.04)] == [7, 5, 3, 1]
+    assert [clock.rounds_of(s) for s in (1e-6, 0.006, 0.015, 0.04, 0.4)] == [7, 5, 3, 3, 1]
 
 
 def test_no_two_workers_compile_the_same_kernels_at_once(tmp_path):

@@ -28,7 +28,6 @@ VERY_SHORT = np.linspace(0.0, 0.1, 3)
 HUGE_SUBSTEPS = 8  # of the coarsest of three runs that are extrapolated
 SAME_STEP = 16  # steps per sample at which the two are compared step by step
 ROUNDS = 5
-LONG = 0.1  # seconds: a run that takes longer is timed once
 MAX_HALVINGS = 18
 MIN_RUNS = 8
 HALVED = (1.6, 2.5)  # ratio of two errors, or of seconds, that counts as two
@@ -60,7 +59,7 @@ def measure_scene(key: str, budget: float) -> dict:
     huge = key.isdigit() and int(key) > HUGE
     truth = extrapolate(case, HUGE_SUBSTEPS) if huge else find_truth(case)
     found = [pair for m in METHODS for pair in _descend(case, m, truth, budget)]
-    rounds = [clock.FEWEST if row["seconds"] < LONG else 1 for row, _ in found]
+    rounds = [clock.FEWEST if row["seconds"] < clock.LONG else 1 for row, _ in found]
     times = clock.in_rounds([run for _, run in found], rounds, lambda i: None)
     rows = [
         {**row, "seconds": float(np.median(seconds))}
