@@ -278,6 +278,14 @@ def _add_gate(verbs) -> None:
     verb.add_argument("dir", nargs="?", metavar="DIR", help="folder of results (default: results)")
     verb.add_argument("--baseline", metavar="FILE", help="default: that of nsbench.toml")
     verb.add_argument(
+        "--cases",
+        dest="case_files",
+        action="append",
+        default=[],
+        metavar="PATH",
+        help="case whose file must be that of the runs (default: those of nsbench.toml)",
+    )
+    verb.add_argument(
         "--update",
         action="store_true",
         help="write what changed into the baseline (needs --reason)",

@@ -6,7 +6,8 @@ import argparse
 from collections.abc import Callable
 from pathlib import Path
 
-from nsbench.cli.exit_codes import FINE
+from nsbench.cli.exit_codes import FINE, NOTHING_COMPARED
+from nsbench.cli.option_values import find_cases
 
 
 def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
@@ -30,7 +31,14 @@ def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
             f"--reason is {args.reason.strip()[:40]!r}; a spreadsheet would take it for a formula"
         )
     check(args.dir)
-    measured = facts(read(args.dir))
+    study = read(args.dir)
+    if changed := _changed_since(study.cases, args.case_files):
+        say(
+            f"{', '.join(changed)}: the case file has changed since these runs; nothing is "
+            "compared. `nsbench run` makes them anew"
+        )
+        return NOTHING_COMPARED
+    measured = facts(study)
     path = Path(args.baseline)
     if args.update:
         return _update_baseline(measured, path, args, say)
@@ -45,6 +53,17 @@ def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
         with open(args.summary, "a", encoding="utf-8") as file:
             file.write(format_summary(differences, code))
     return code
+
+
+def _changed_since(described: dict, names: list[str]) -> list[str]:
+    """Return the keys of the cases `names` whose files are not those that were described."""
+    from nsbench.study.describe import digest_of
+
+    return [
+        case.key
+        for case, _ in find_cases(names)
+        if described.get(case.key, {}).get("digest", digest_of(case)) != digest_of(case)
+    ]
 
 
 def _update_baseline(measured, path: Path, args, say) -> int:

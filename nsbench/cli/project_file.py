@@ -30,7 +30,7 @@ NAME = "nsbench.toml"
 MAX_BYTES = 1 << 20
 # entry: type, and the option that it stands for, by verb
 ENTRIES = {
-    "cases": (list, {"run": "cases", "calibrate": "case_files"}),
+    "cases": (list, {"run": "cases", "gate": "case_files", "calibrate": "case_files"}),
     "methods": (list, {"run": "solver"}),
     "method_files": (list, {"run": "solver_files", "calibrate": "solver_files"}),
     "suite": (str, {"run": "suite"}),

@@ -64,6 +64,20 @@ def test_plain_run_and_gate_do_what_the_file_says(folder, capsys):
     assert main(["gate"]) == 1, capsys.readouterr().out
 
 
+def test_rows_of_an_older_case_file_are_not_compared(folder, capsys):
+    assert main(["run", "-s", "pbd", "-j", "1"]) == 0
+    assert main(["calibrate", "-j", "1"]) == 0
+    update = ["gate", "--update", "--reason", "The first numbers of this folder."]
+    assert main(update) == 0
+    before = main(["gate"])
+    (folder / "falls.py").write_text(FALLS.replace("- t", "- 2.0 * t"))
+    for words in (["gate"], update):
+        assert main(words) == 4
+        assert "falls[speed=1.5]: the case file has changed" in capsys.readouterr().out
+    assert main(["gate", "--cases", "tide"]) == before  # of another case nothing has changed
+    assert "has changed" not in capsys.readouterr().out
+
+
 def test_options_come_first(folder):
     assert main(["run", "tide", "-s", "pbd", "--h", "0.1", "-j", "1"]) == 0
     assert [(r["case"], r["solver"], float(r["asked"])) for r in rows()] == [("tide", "pbd", 0.1)]
