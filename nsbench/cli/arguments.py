@@ -283,7 +283,7 @@ def _add_gate(verbs) -> None:
         action="append",
         default=[],
         metavar="PATH",
-        help="case whose file must be that of the runs (default: those of nsbench.toml)",
+        help="file, or folder, of cases that must be that of the runs (default: nsbench.toml)",
     )
     verb.add_argument(
         "--update",

@@ -6,8 +6,9 @@ import argparse
 from collections.abc import Callable
 from pathlib import Path
 
+from nsbench.case.selection import python_files, split_path
+from nsbench.case.spec import parse_spec
 from nsbench.cli.exit_codes import FINE, NOTHING_COMPARED
-from nsbench.cli.option_values import find_cases
 
 
 def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
@@ -33,10 +34,12 @@ def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
     check(args.dir)
     study = read(args.dir)
     if changed := _changed_since(study.cases, args.case_files):
-        say(
-            f"{', '.join(changed)}: the case file has changed since these runs; nothing is "
-            "compared. `nsbench run` makes them anew"
+        why = (
+            f"{', '.join(changed)}: the case file has changed since the runs in {args.dir} were "
+            "made; nothing is compared"
         )
+        say(f"{why}. `nsbench run` makes them anew")
+        _append(args.summary, f"**Not compared.** {why}.\n")
         return NOTHING_COMPARED
     measured = facts(study)
     path = Path(args.baseline)
@@ -49,21 +52,34 @@ def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
         say(line)
     for line in format_lines(differences):
         say(line)
-    if args.summary:
-        with open(args.summary, "a", encoding="utf-8") as file:
-            file.write(format_summary(differences, code))
+    _append(args.summary, format_summary(differences, code))
     return code
 
 
+def _append(path: str | None, text: str) -> None:
+    """Append a text to the file of the summary, if there is one."""
+    if path:
+        with open(path, "a", encoding="utf-8") as file:
+            file.write(text)
+
+
 def _changed_since(described: dict, names: list[str]) -> list[str]:
-    """Return the keys of the cases `names` whose files are not those that were described."""
+    """Return the keys of described cases whose files, of their name, are among `names` and have
+    other contents now.
+
+    No case is built: runs may have been made with more memory, or of files that are not here.
+    """
     from nsbench.study.describe import digest_of
 
-    return [
-        case.key
-        for case, _ in find_cases(names)
-        if described.get(case.key, {}).get("digest", digest_of(case)) != digest_of(case)
-    ]
+    files = {f.stem: str(f) for f in _existing_files(names)}
+    pairs = [(key, files.get(parse_spec(key)[0])) for key in described]
+    return [k for k, f in pairs if f and described[k].get("digest", "") != digest_of(k, f)]
+
+
+def _existing_files(names: list[str]) -> list[Path]:
+    """Return the Python files that the names of cases mean."""
+    paths = [found[0] for name in names if (found := split_path(name))]
+    return [file for path in paths if Path(path).exists() for file in python_files(path)]
 
 
 def _update_baseline(measured, path: Path, args, say) -> int:

@@ -46,14 +46,14 @@ def describe_case(case: Case) -> dict:
         "own_length": own_length(case) or None,
         "samples": len(case.t),
         "unique": case.unique,
-        "digest": digest_of(case),
+        "digest": digest_of(case.key, case.source),
         "reference_digest": _digest(kind.encode(), *_contents(_stored(case))),
     }
 
 
-def digest_of(case: Case) -> str:
+def digest_of(key: str, source: str) -> str:
     """Return sixteen hexadecimal digits of the key of a case and the contents of its file."""
-    return _digest(case.key.encode(), *_contents([case.source]))
+    return _digest(key.encode(), *_contents([source]))
 
 
 def _stored(case: Case) -> list:

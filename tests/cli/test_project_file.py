@@ -70,12 +70,25 @@ def test_rows_of_an_older_case_file_are_not_compared(folder, capsys):
     update = ["gate", "--update", "--reason", "The first numbers of this folder."]
     assert main(update) == 0
     before = main(["gate"])
-    (folder / "falls.py").write_text(FALLS.replace("- t", "- 2.0 * t"))
-    for words in (["gate"], update):
+    # the case of the rows is no longer one that the project names
+    changed = FALLS.replace("- t", "- 2.0 * t").replace("speed: float = 1.0", "speed: float = 1.5")
+    (folder / "falls.py").write_text(changed)
+    for words in (["gate", "--summary", "summary.md"], ["gate", "results"], update):
         assert main(words) == 4
         assert "falls[speed=1.5]: the case file has changed" in capsys.readouterr().out
-    assert main(["gate", "--cases", "tide"]) == before  # of another case nothing has changed
+    assert "Not compared" in (folder / "summary.md").read_text()
+    (folder / "falls.py").unlink()  # the gate needs no case
+    assert main(["gate"]) == before
     assert "has changed" not in capsys.readouterr().out
+
+
+def test_rows_of_another_folder_are_not_held_against_the_files_of_the_project(folder, capsys):
+    assert main(["run", "-s", "pbd", "-j", "1", "-o", "before"]) == 0
+    (folder / "falls.py").write_text(FALLS.replace("- t", "- 2.0 * t"))
+    (folder / "baseline.csv").write_text("")
+    main(["gate", "before"])
+    assert "has changed" not in capsys.readouterr().out
+    assert main(["gate", "before", "--cases", "falls.py"]) == 4
 
 
 def test_options_come_first(folder):
