@@ -65,9 +65,10 @@ def clock_table(data: Data) -> Table:
         tuple(rows),
         "Compilation is what the first preparation in a process takes beyond a second one: "
         "compiling, loading from caches, imports; set-up is what each preparation takes; neither "
-        f"is part of the seconds compared. Runs of more than {LONG:g} s are timed once; the others "
-        "in 3 to 7 rounds with the methods interleaved, the first call left out. The spread is "
-        "the median over all timed runs, the worst round the largest factor seen."
+        f"is part of the seconds compared. Runs of {LONG:g} s and more (in rows of older versions, "
+        "of 0.02 s) are timed once; the others in 3 to 7 rounds with the methods interleaved, the "
+        "first call left out. The spread is the median over all timed runs, the worst round the "
+        "largest factor seen."
         + describe_shared_runs(data),
     )
 
