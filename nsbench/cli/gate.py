@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -73,13 +74,16 @@ def _changed_since(described: dict, names: list[str]) -> list[str]:
 
     files = {f.stem: str(f) for f in _existing_files(names)}
     pairs = [(key, files.get(parse_spec(key)[0])) for key in described]
-    return [k for k, f in pairs if f and described[k].get("digest", "") != digest_of(k, f)]
+    return [k for k, f in pairs if f and digest_of(k, f) != described[k].get("digest", "")]
 
 
 def _existing_files(names: list[str]) -> list[Path]:
-    """Return the Python files that the names of cases mean."""
-    paths = [found[0] for name in names if (found := split_path(name))]
-    return [file for path in paths if Path(path).exists() for file in python_files(path)]
+    """Return the Python files that the names of cases mean; none for what is not here."""
+    out = []
+    for path, _ in filter(None, map(split_path, names)):
+        with contextlib.suppress(FileNotFoundError):
+            out += python_files(path)
+    return out
 
 
 def _update_baseline(measured, path: Path, args, say) -> int:

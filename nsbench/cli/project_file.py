@@ -61,7 +61,8 @@ def apply_project_file(args: argparse.Namespace, folder: Path | None = None) -> 
     given = {option for option, value in vars(args).items() if value not in (None, [])}
     if {"tag", "case_files", "suite"} & given and "cases" not in given:
         found.pop("cases", None)  # other cases are asked for
-    if verb == "gate" and "dir" in given and Path(args.dir) != Path(_results(found)):
+    own_results = Path(found.get("out", DEFAULTS["gate"]["dir"]))
+    if verb == "gate" and "dir" in given and Path(args.dir) != own_results:
         found.pop("cases", None)  # runs of another folder may be of other files
     for name, value in found.items():
         option = _option(name, verb)
@@ -70,11 +71,6 @@ def apply_project_file(args: argparse.Namespace, folder: Path | None = None) -> 
     for option, value in DEFAULTS.get(verb, {}).items():
         if getattr(args, option) is None:
             setattr(args, option, value)
-
-
-def _results(found: dict) -> str:
-    """Return the folder of results of plain commands."""
-    return found.get("out", DEFAULTS["gate"]["dir"])
 
 
 def _option(name: str, verb: str) -> str:
