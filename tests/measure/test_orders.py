@@ -10,6 +10,7 @@ import pytest
 from scipy import stats
 
 from nsbench.measure.orders import VERDICTS, Fit, fit_order
+from nsbench.measure.orders.corrected_power_law import DECAYED, MODELS, convergent
 from nsbench.measure.orders.window import APART, outliers
 
 H = 0.1 * 2.0 ** -np.linspace(0.0, 6.3, 25)  # four steps per octave at irrational ratios
@@ -324,3 +325,21 @@ def test_one_error_is_apart_at_the_level_of_the_test_and_not_below(n, k):
     for part, found in ((1.01, [k]), (0.99, [])):
         y[k] = X[k] @ c + part * limit
         assert np.flatnonzero(outliers(h, np.exp(y))).tolist() == found
+
+
+@pytest.mark.parametrize("slope, least", [(0.1, 0.5), (0.3, 0.45)])
+def test_an_order_that_is_at_least_so_much_fits_as_well_as_a_search_finds(slope, least):
+    """Errors whose order is less: the best law has the least order, and a head that bends it."""
+    u = np.log(H[::-1])
+    u = u - u.max()
+    y = slope * u
+    found = np.inf
+    for q, power in MODELS:
+        e = np.exp(q * u)
+        top = DECAYED / e[0]
+        low = -top if power > 0.0 else -min(top, 0.9)
+        for r in np.concatenate([low * np.geomspace(1e-4, 1, 500), top * np.geomspace(1e-4, 1, 500)]):
+            rest = y - least * u - power * np.log(np.maximum(np.abs(1.0 + r * e), 1e-3))
+            found = min(found, len(u) * rest.var())
+    assert found * (1.0 - 1e-3) <= convergent(u, y, least) <= 1.2 * found
+    assert convergent(u, least * u, least) < 1e-20
