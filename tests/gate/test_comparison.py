@@ -92,6 +92,28 @@ def test_the_history_is_relative_to_the_first_version(versions):
     assert constants.rows[0].cells[2].text == "1.5"
 
 
+def test_changes_lie_case_by_case_and_the_scatter_has_its_line_of_equals(tmp_path):
+    """Two cases whose methods come in another order than their names."""
+    folders = []
+    for name, factor in (("1.0", 1.0), ("1.1", 2.0)):
+        h = 0.1 / np.unique(np.round(4 * 2 ** np.arange(0, 6.4, 0.35)))
+        rows = [
+            row(case, s, float(v), state_sup=float(factor * v), impulse=float(v), seconds=1.0)
+            for case, s in (("wedge", "pbd"), ("box", "theta"), ("wedge", "catching_up"))
+            for v in h
+        ]
+        (tmp_path / name).mkdir()
+        tables.write_tables(tmp_path / name, rows)
+        folders.append(str(tmp_path / name))
+    section = section_of(folders)
+    cases = [r.group for _, table in section.tables[:1] for r in table.rows]
+    assert cases == sorted(cases) and set(cases) == {"box", "wedge"}
+    numbers = section.figures[0].svg
+    (line,) = re.findall(r'mark-line.*?<path[^>]* d="([^"]*)"', numbers)
+    x, y, to_x, to_y = map(float, re.fullmatch(r"M(.+),(.+)L(.+),(.+)", line).groups())
+    assert to_x > x and to_y < y
+
+
 def test_nothing_is_said_to_change_where_nothing_did(versions):
     section = section_of([versions[0], versions[0]])
     assert section.answer.startswith("Nothing changed") and not changes(section)

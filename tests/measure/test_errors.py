@@ -8,7 +8,7 @@ import pytest
 from exact_runs import exact_run
 
 import nsbench
-from nsbench import LCS, Case, Filippov, get_case
+from nsbench import LCS, Affine, Case, Complementarity, Filippov, get_case
 from nsbench.case import case_names
 from nsbench.dynamics.filippov.convex_hull import distance_to_hull
 from nsbench.measure.context import outside_windows
@@ -235,6 +235,14 @@ def test_the_distance_to_a_hull_has_the_unit_of_its_points(unit):
             scaled = distance_to_hull(unit * v, unit * points) / unit
             assert scaled == pytest.approx(distance_to_hull(v, points), rel=1e-9, abs=1e-11)
     assert distance_to_hull(np.ones(2), np.ones((4, 2))) == 0.0
+
+
+def test_a_run_that_touches_nothing_has_nothing_to_complement():
+    t = np.linspace(0.0, 1.0, 5)
+    rows = Affine([[1.0]], [1.0])
+    free = Case("free", Complementarity(lambda xp: lambda t, x: 0.0 * x, [rows]), [0.0], t)
+    e = nsbench.errors(free, nsbench.solve(free, "pbd", h=0.25))
+    assert e["feasibility"] == e["complementarity"] == 0.0
 
 
 def test_a_failed_run_has_residuals_and_no_errors():

@@ -10,7 +10,7 @@ import pytest
 from scipy import stats
 
 from nsbench.measure.orders import VERDICTS, Fit, fit_order
-from nsbench.measure.orders.corrected_power_law import DECAYED, MODELS, convergent
+from nsbench.measure.orders.corrected_power_law import DECAYED, MODELS, convergent, fit_corrected
 from nsbench.measure.orders.window import APART, outliers
 
 H = 0.1 * 2.0 ** -np.linspace(0.0, 6.3, 25)  # four steps per octave at irrational ratios
@@ -343,3 +343,12 @@ def test_an_order_that_is_at_least_so_much_fits_as_well_as_a_search_finds(slope,
             found = min(found, len(u) * rest.var())
     assert found * (1.0 - 1e-3) <= convergent(u, y, least) <= 1.2 * found
     assert convergent(u, least * u, least) < 1e-20
+
+
+@pytest.mark.parametrize("share, is_edge", [(0.105, False), (0.118, True)])
+def test_a_slope_that_is_no_order_yet_is_judged_at_the_finest_step(share, is_edge):
+    """h (1 + r h): the local slope is 1 + share / (1 + share), a tenth off from share = 1 / 9."""
+    u = np.log(H[::-1])
+    u = u - u.max()
+    r = share / np.exp(u[0])
+    assert fit_corrected(u, u + np.log1p(r * np.exp(u))).edge == is_edge

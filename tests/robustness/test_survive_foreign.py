@@ -167,6 +167,32 @@ def test_a_run_does_not_empty_a_file_to_which_the_key_file_is_a_link(folder):
     assert other.read_text() == "precious"
 
 
+@pytest.mark.parametrize("left", [".report.key", "runs.csv", "runs.parquet"])
+def test_one_file_of_tables_is_enough_for_a_run_to_call_them_stale(folder, left):
+    for name in {".report.key", "runs.csv", "runs.parquet"} - {left}:
+        (folder / name).unlink()
+    consistency.mark_stale(folder)
+    assert (folder / ".report.key").read_bytes() == b""
+
+
+@pytest.mark.survives("oversized")
+@pytest.mark.parametrize(
+    "name, mebibytes, read_it",
+    [
+        ("calibration.csv", 10, spreads.read),
+        ("baseline.csv", 10, lambda folder: baseline.read(folder / "baseline.csv")),
+        (".report.key", 1, consistency.check),
+        ("runs.csv", 2048, consistency.check),
+    ],
+)
+def test_a_file_one_byte_too_long_is_refused_by_its_size(folder, name, mebibytes, read_it):
+    """It has a hole, and takes no space."""
+    with open(folder / name, "ab") as file:
+        file.truncate((mebibytes << 20) + 1)
+    with pytest.raises(ValueError, match=f"at most {mebibytes << 20} are read"):
+        read_it(folder)
+
+
 @no_fifo
 @pytest.mark.survives("no plain file")
 def test_a_key_file_names_files_of_results_alone(folder):
