@@ -12,6 +12,7 @@ from solver_file import solver
 from nsbench import get_case
 from nsbench.results.journal import Journal
 from nsbench.results.row_reuse import RowRecorder, reusable_rows, row_mismatch
+from nsbench.results.run_key import parts_of
 from nsbench.study import Spec
 
 HEADER = """import os, sys
@@ -53,6 +54,19 @@ def run(tmp_path_factory):
 def rows(folder):
     with open(folder / "out" / "runs.csv", newline="") as file:
         return list(csv.DictReader(file))
+
+
+def test_files_of_a_solver_are_known_by_their_place_beside_it(tmp_path):
+    """The key of a run is the same in two checkouts, and another one for another text."""
+    digests = []
+    for place, text in (("a", "ONE = 1"), ("b", "ONE = 1"), ("c", "ONE = 2")):
+        (tmp_path / place / "lib").mkdir(parents=True)
+        (tmp_path / place / "mine.py").write_text(solver("", before="import lib.one"))
+        (tmp_path / place / "lib" / "one.py").write_text(text)
+        files = (str(tmp_path / place / "mine.py"),)
+        spec = Spec("tide", "mine", "h", 0.1, solver_files=files)
+        digests.append(parts_of(spec, get_case("tide"))[1].digest)
+    assert digests[0] == digests[1] != digests[2]
 
 
 @pytest.mark.long
