@@ -11,6 +11,7 @@ from scipy import stats
 
 from nsbench.measure.orders import VERDICTS, Fit, fit_order
 from nsbench.measure.orders.corrected_power_law import DECAYED, MODELS, convergent, fit_corrected
+from nsbench.measure.orders.plateau import PlateauFit
 from nsbench.measure.orders.window import APART, outliers
 
 H = 0.1 * 2.0 ** -np.linspace(0.0, 6.3, 25)  # four steps per octave at irrational ratios
@@ -352,3 +353,13 @@ def test_a_slope_that_is_no_order_yet_is_judged_at_the_finest_step(share, is_edg
     u = u - u.max()
     r = share / np.exp(u[0])
     assert fit_corrected(u, u + np.log1p(r * np.exp(u))).edge == is_edge
+
+
+def test_the_ratio_of_a_plateau_to_a_power_law_is_that_of_one_parameter_more():
+    """F with 1 and n - 3 degrees of freedom, none at three points."""
+    of = lambda n, rss: PlateauFit(C=1.0, M=1.0, p=1.0, rss=rss, rss0=3.0, n=n)
+    assert of(3, 1.0).ratio == of(9, 4.0).ratio == 0.0
+    assert of(4, 1.0).ratio == 2.0 and of(9, 1.0).ratio == 12.0
+    level = stats.f.isf(0.01, 1, 6)
+    assert of(9, 18.0 / (6.0 + 1.01 * level)).significant
+    assert not of(9, 18.0 / (6.0 + 0.99 * level)).significant
