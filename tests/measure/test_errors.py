@@ -11,10 +11,11 @@ import nsbench
 from nsbench import LCS, Affine, Case, Complementarity, Filippov, get_case
 from nsbench.case import case_names
 from nsbench.dynamics.filippov.convex_hull import distance_to_hull
-from nsbench.measure.context import outside_windows
+from nsbench.measure.context import outside_windows, tolerance
 from nsbench.measure.event_times import event_errors, match
 from nsbench.measure.quadrature import integrals, kinked_intervals
 from nsbench.reference import closed_form
+from nsbench.reference.reference import Reference
 from nsbench.trajectory import Event, Status, Trajectory
 
 TIDE = get_case("tide")
@@ -120,6 +121,11 @@ def test_the_state_error_is_the_largest_coordinate_at_the_worst_sample():
     )
     assert e["state_sup"] == pytest.approx(0.3) and e["state_T"] == pytest.approx(0.1)
     assert e["reaction"] == pytest.approx(0.3) and e["impulse"] == 0.0
+
+
+def test_a_contact_is_closed_within_the_reference_error_and_rounding():
+    known = Reference(np.zeros(1), np.array([[5.0, -7.0]]), (), None, None, None, 3e-9)
+    assert tolerance(known) == pytest.approx(3e-8 + 7e-10, rel=1e-12)
 
 
 def test_windows_are_two_samples_wide():

@@ -3,8 +3,10 @@
 import math
 import sys
 
+import pytest
+
 from nsbench.results import tables
-from nsbench.results.journal import Journal
+from nsbench.results.journal import Journal, restore
 from nsbench.results.packed_rows import OrderedRows, PackedRows
 from nsbench.results.row_reuse import reusable_rows
 
@@ -92,3 +94,11 @@ def test_what_is_known_leaves_out_what_is_to_be_made_again(tmp_path):
         "a": {"status": "ok"},
         "d": {"status": "ok"},
     }
+
+
+def test_a_whole_number_comes_back_if_it_has_64_bits():
+    for number in (2**63 - 1, -(2**63)):
+        assert restore({"n": number}) == {"n": number}
+    for number in (2**63, -(2**63) - 1):
+        with pytest.raises(ValueError, match="n is beyond 64 bits"):
+            restore({"n": number})
