@@ -114,6 +114,13 @@ def test_changes_lie_case_by_case_and_the_scatter_has_its_line_of_equals(tmp_pat
     assert to_x > x and to_y < y
 
 
+def test_numbers_that_have_become_zero_or_infinite_lie_on_no_logarithmic_axis(versions, tmp_path):
+    for name, factor in (("zero", 0.0), ("far", np.inf)):
+        section = section_of([versions[0], results(tmp_path / name, factor=factor)])
+        assert section.tables[0][1].rows
+        assert [f.file for f in section.figures] == ["numbers.svg", "seconds.svg"]
+
+
 def test_nothing_is_said_to_change_where_nothing_did(versions):
     section = section_of([versions[0], versions[0]])
     assert section.answer.startswith("Nothing changed") and not changes(section)

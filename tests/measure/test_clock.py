@@ -85,3 +85,15 @@ def test_a_run_that_compiles_is_timed_without_its_compilation():
     out, seconds, compiled = clock.first_call(run)
     assert len(calls) == 2 and out == 2.0 and compiled > 0.01 > seconds
     assert clock.first_call(run)[2] == 0.0 and len(calls) == 3
+
+
+def test_compilations_within_one_another_count_once():
+    from numba.core import event
+
+    def run():
+        with event.trigger_event("numba:compiler_lock"):
+            for _ in range(3):
+                with event.trigger_event("numba:compiler_lock"):
+                    pass
+
+    assert 0.0 < clock.first_call(run)[2] < 1.0

@@ -327,6 +327,8 @@ def test_a_line_that_no_journal_has_is_refused_by_its_number(tmp_path, monkeypat
     path.write_bytes(path.read_bytes() + bytes(5000) + b"\n")  # zeros are no line
     write(tmp_path, b=2.0)
     assert list(read_journal(tmp_path)) == ["a", "b"]
+    path.write_bytes(path.read_bytes() + b"x" * 1000 + b"\n")
+    assert list(read_journal(tmp_path)) == ["a", "b"]
     path.write_bytes(path.read_bytes() + b"x" * 1001 + b"\n")
     with pytest.raises(ValueError, match=r"line \d of .*journal\.jsonl is longer than 1000 bytes"):
         read_journal(tmp_path)
