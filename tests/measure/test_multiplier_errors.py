@@ -11,7 +11,7 @@ from scipy.optimize import linprog
 import nsbench
 from nsbench import Affine, Complementarity, Distance, get_case
 from nsbench.dynamics.contacts.constraint_set import ConstraintSet
-from nsbench.measure.context import context_of, full_rank, near_of
+from nsbench.measure.context import context_of, full_rank, near_of, pattern
 from nsbench.measure.multiplier_sets import polyhedron
 
 TIDE = get_case("tide")
@@ -155,3 +155,19 @@ def test_candidates_by_id_are_those_of_the_scene():
         scene.gaps(0.0, x, again), scene.gaps(0.0, x, near)[pick]
     )
     assert near_of(scene, []).ids == []
+
+
+def test_a_weight_of_one_up_to_rounding_is_that_of_one_side():
+    field = get_case("sliding").problem
+    weights = np.array([0.0, 1e-10, 0.5, 1.0 - 1e-10, 1.0])
+    impulse = np.append(0.0, np.cumsum(weights))[:, None]
+    assert pattern(field, np.arange(6.0), impulse)[:, 0].tolist() == [0, 0, 1, 2, 2]
+
+
+def test_a_diode_is_active_at_the_samples_beside_intervals_in_which_it_conducts():
+    case = get_case("rlc_diode")
+    ref = context_of(case).ref
+    acts = pattern(case.problem, case.t, ref.impulse)[:, 0] > 0
+    assert acts.any() and not acts.all()
+    beside = np.append(False, acts) | np.append(acts, False)
+    assert context_of(case).active == tuple(((0, 0),) if b else () for b in beside)

@@ -363,3 +363,9 @@ def test_the_ratio_of_a_plateau_to_a_power_law_is_that_of_one_parameter_more():
     level = stats.f.isf(0.01, 1, 6)
     assert of(9, 18.0 / (6.0 + 1.01 * level)).significant
     assert not of(9, 18.0 / (6.0 + 0.99 * level)).significant
+
+
+def test_the_interval_of_a_clean_law_is_as_wide_as_the_reference_is_wrong():
+    u = np.log(H[::-1])
+    some, more = (fit_corrected(u, u, own).half for own in (1e-4, 1e-3))
+    assert more == pytest.approx(10.0 * some, rel=1e-3) and some > 1e-5

@@ -69,6 +69,13 @@ def test_files_of_a_solver_are_known_by_their_place_beside_it(tmp_path):
     assert digests[0] == digests[1] != digests[2]
 
 
+def test_a_library_counts_with_those_that_it_needs(tmp_path):
+    (tmp_path / "mine.py").write_text(solver("", before="import pandas"))
+    spec = Spec("tide", "mine", "h", 0.1, solver_files=(str(tmp_path / "mine.py"),))
+    held = dict(parts_of(spec, get_case("tide"))[1].items)
+    assert {"pandas", "python-dateutil"} <= held.keys()
+
+
 @pytest.mark.long
 @pytest.mark.survives("stale")
 def test_a_module_at_a_computed_place_counts_though_its_byte_code_is_cached(tmp_path, run):

@@ -336,6 +336,19 @@ def test_a_line_that_no_journal_has_is_refused_by_its_number(tmp_path, monkeypat
     assert "journal.jsonl is longer than 1000 bytes" in capsys.readouterr().err
 
 
+def test_nobody_may_execute_what_a_run_writes(tmp_path):
+    """Whatever the process masks."""
+    (tmp_path / "runs.csv").touch()
+    mask = os.umask(0)
+    try:
+        write(tmp_path, a=1.0)
+        consistency.mark_stale(tmp_path)
+    finally:
+        os.umask(mask)
+    for name in ("journal.jsonl", consistency.KEY_FILE):
+        assert (tmp_path / name).stat().st_mode & 0o777 == 0o666, name
+
+
 def test_a_row_is_on_the_disk_before_it_counts(tmp_path, monkeypatch):
     synced = []
     real = os.fsync

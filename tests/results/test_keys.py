@@ -305,3 +305,17 @@ def test_a_file_edited_within_a_second_runs_as_it_is_now(tmp_path, monkeypatch):
         drifts.append(float(case.problem.drift(np)(0.0, np.ones(1))[0]))
     assert drifts == [-1.0, -2.0]
     assert not (tmp_path / "__pycache__").exists()
+
+
+def test_plugins_of_jax_are_part_of_a_key_and_a_distribution_without_a_name_is_none(monkeypatch):
+    class Distribution:
+        version = "0.4"
+
+        def __init__(self, name):
+            self.name = name
+
+    found = [Distribution(n) for n in (None, "jax-cuda12-plugin", "jaxlib")]
+    monkeypatch.setattr(run_key.metadata, "distributions", lambda path: found)
+    assert run_key._accelerator.__wrapped__()["accelerator"].startswith("jax-cuda12-plugin 0.4")
+    monkeypatch.setattr(run_key.metadata, "distributions", lambda path: found[::2])
+    assert run_key._accelerator.__wrapped__() == {}

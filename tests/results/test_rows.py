@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from nsbench.results import tables
-from nsbench.results.journal import Journal, restore
+from nsbench.results.journal import Journal, clean, restore
 from nsbench.results.packed_rows import OrderedRows, PackedRows
 from nsbench.results.row_reuse import reusable_rows
 
@@ -102,3 +102,11 @@ def test_a_whole_number_comes_back_if_it_has_64_bits():
     for number in (2**63, -(2**63) - 1):
         with pytest.raises(ValueError, match="n is beyond 64 bits"):
             restore({"n": number})
+
+
+def test_whole_numbers_beyond_64_bits_become_floats():
+    largest = int(sys.float_info.max)
+    row = {"a": 2**63, "b": -largest, "c": 10**400, "d": -(10**400), "e": -(2**63)}
+    kept = clean(row)
+    assert kept == {"a": 2.0**63, "b": -float(largest), "c": "inf", "d": "-inf", "e": -(2**63)}
+    assert [type(kept[k]) for k in "abe"] == [float, float, int]
