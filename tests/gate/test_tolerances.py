@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from report_rows import row
+from report_rows import STEPS, row
 
 import nsbench
 from nsbench import study
@@ -200,3 +200,31 @@ def test_the_gate_tells_a_blind_line_and_an_update_mends_it(tmp_path, capsys):
     assert mended[key] == replace(good[key], why="claims")
     assert all(mended[k] == line for k, line in good.items() if k != key)
     assert main(gate) == 0 and "let more than" not in capsys.readouterr().out
+
+
+def test_the_facts_of_a_ladder_are_its_statuses_verdicts_orders_and_half_widths():
+    """Of errors that are not known there are none, of a method that refuses its statuses alone."""
+    h = 0.1 / np.unique(np.round(4 * 2 ** np.arange(0, 6.4, 0.35)))
+    errors = h * np.exp(0.01 * np.cos(np.arange(len(h))))
+    rows = [row("tide", "pbd", float(v), state_sup=float(e)) for v, e in zip(h, errors, strict=True)]
+    rows = [r | {"impulse": float("nan"), "reaction": float("nan")} for r in rows]
+    rows.append(row("sliding", "pbd", float("nan"), status="refused", why="It has no constraints."))
+    found = {(k[0], k[3]): f.value for k, f in facts(data_of(rows)).items() if k[2] == "ladder"}
+    names = ("statuses", "state verdict", "state order", "state constant", "state half-width")
+    assert {name for case, name in found if case == "tide"} == {*names}
+    assert {name for case, name in found if case == "sliding"} == {"statuses"}
+    low, high = nsbench.fit_order(h, errors, span=2 * np.pi).interval
+    assert found["tide", "state half-width"] == pytest.approx((high - low) / 2, rel=0.002)
+
+
+@pytest.mark.parametrize("kind, value", [("class", "order"), ("count", 7.0), ("near", 2.0)])
+def test_a_line_that_holds_no_number_near_itself_lets_nothing_pass(kind, value):
+    fact = replace(claimed_fact(), kind=kind, value=value)
+    line = replace(baseline.line(fact, 0.0, ""), rtol=0.0 if kind != "near" else np.inf)
+    assert baseline.times_claim(line, fact) == 0.0
+
+
+def test_residuals_are_claimed_to_be_rounding_whatever_the_order():
+    rows = [row("tide", "pbd", h) | {"feasibility": 1e-15} for h in STEPS]
+    claims = {f.claim for k, f in facts(data_of(rows)).items() if k[3].startswith("feasibility")}
+    assert claims == {1e-9}
