@@ -11,6 +11,7 @@ from nsbench.cli import main
 from nsbench.gate import baseline, spreads, update
 from nsbench.gate.baseline import Line
 from nsbench.gate.comparison import (
+    MAX_FINDINGS_LISTED,
     OUTCOMES,
     compare,
     count_outcomes,
@@ -264,6 +265,14 @@ def test_the_summary_is_harmless_and_counts_everything():
         set(OUTCOMES) >= {f.outcome for f in differences}
         and format_lines([])[-1] == "nothing to compare"
     )
+
+
+def test_the_summary_lists_so_many_findings_and_counts_the_rest():
+    found = [replace(FACT, metric=f"number {k}") for k in range(MAX_FINDINGS_LISTED + 3)]
+    differences = compare({f.key: f for f in found}, {})
+    page = format_summary(differences, 1)
+    assert page.count("| new |") == MAX_FINDINGS_LISTED and page.endswith("… and 3 more.\n")
+    assert "more." not in format_summary(differences[3:], 1)
 
 
 def study(folder, factor=1.0):

@@ -1,6 +1,7 @@
 """The order estimator tells orders, plateaus, exactness and divergence apart on synthetic errors,
 at stated rates."""
 
+import itertools
 import subprocess
 import sys
 from collections import Counter
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from nsbench.measure.orders import VERDICTS, Fit, fit_order
+from nsbench.measure.orders import VERDICTS, Fit, corrected_power_law, fit_order
 from nsbench.measure.orders.corrected_power_law import DECAYED, MODELS, convergent, fit_corrected
 from nsbench.measure.orders.plateau import PlateauFit
 from nsbench.measure.orders.window import APART, outliers
@@ -343,7 +344,8 @@ def test_an_order_that_is_at_least_so_much_fits_as_well_as_a_search_finds(slope,
             rest = y - least * u - power * np.log(np.maximum(np.abs(1.0 + r * e), 1e-3))
             found = min(found, len(u) * rest.var())
     assert found * (1.0 - 1e-3) <= convergent(u, y, least) <= 1.2 * found
-    assert convergent(u, least * u, least) < 1e-20
+    rounding = len(u) * (8 * np.finfo(float).eps) ** 2
+    assert rounding <= convergent(u, least * u, least) < 1e-20
 
 
 @pytest.mark.parametrize("share, is_edge", [(0.105, False), (0.118, True)])
@@ -369,3 +371,15 @@ def test_the_interval_of_a_clean_law_is_as_wide_as_the_reference_is_wrong():
     u = np.log(H[::-1])
     some, more = (fit_corrected(u, u, own).half for own in (1e-4, 1e-3))
     assert more == pytest.approx(10.0 * some, rel=1e-3) and some > 1e-5
+
+
+@pytest.mark.parametrize("n", [8, 20, 41])
+def test_correlated_residuals_widen_the_interval_by_what_they_correlate(n):
+    """(1 + r) / (1 - r), r the correlation of neighbours corrected for three parameters."""
+    for step in (0.3, 0.6, 1.2, 3.0):
+        resid = np.cos(step * np.arange(n))
+        rho = sum(a * b for a, b in itertools.pairwise(resid)) / sum(resid**2)
+        r = max((rho * n + 2.0) / (n - 4.0), 0.0)
+        expected = min((1.0 + r) / (1.0 - r), 9.0) if r < 1.0 else 9.0
+        assert corrected_power_law._inflation(resid) == pytest.approx(expected)
+    assert corrected_power_law._inflation(np.ones(7)) == 1.0
