@@ -12,7 +12,7 @@ from scipy import stats
 
 from nsbench.measure.orders import VERDICTS, Fit, corrected_power_law, fit_order
 from nsbench.measure.orders.corrected_power_law import DECAYED, MODELS, convergent, fit_corrected
-from nsbench.measure.orders.plateau import PlateauFit
+from nsbench.measure.orders.plateau import PlateauFit, fit_plateau, persists
 from nsbench.measure.orders.window import APART, outliers
 
 H = 0.1 * 2.0 ** -np.linspace(0.0, 6.3, 25)  # four steps per octave at irrational ratios
@@ -120,6 +120,17 @@ def test_an_order_is_not_claimed_while_a_plateau_fits_as_well():
 
 def test_an_error_that_never_falls_is_a_plateau():
     assert verdicts(trials(noisy(lambda h: 0.3 + 0 * h, 0.1), 100))["plateau"] >= 90
+
+
+def test_a_plateau_persists_where_coarse_steps_miss_its_level_but_do_not_contradict_it():
+    """Their own fit says more than twice the level, and fits no better than chance."""
+    rng = np.random.default_rng(204)
+    level, sigma = 10 ** rng.uniform(-3.5, -2), 10 ** rng.uniform(-2, -0.6)
+    errors = (level + H) * np.exp(sigma * rng.normal(size=H.size))
+    found = fit_plateau(H, errors)
+    coarse = H >= 4.0 * H.min() * (1 - 1e-9)
+    assert found.C < 0.5 * fit_plateau(H[coarse], errors[coarse]).C
+    assert persists(H, errors, found)
 
 
 def test_a_plateau_is_not_claimed_without_its_other_conditions():
