@@ -1,0 +1,57 @@
+"""The power law with a head: least squares against a search, its edge, its interval."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from nsbench.measure.orders import corrected_power_law
+from nsbench.measure.orders.corrected_power_law import DECAYED, MODELS, convergent, fit_corrected
+
+H = 0.1 * 2.0 ** -np.linspace(0.0, 6.3, 25)  # four steps per octave at irrational ratios
+
+
+@pytest.mark.parametrize("slope, least", [(0.1, 0.5), (0.3, 0.45)])
+def test_an_order_that_is_at_least_so_much_fits_as_well_as_a_search_finds(slope, least):
+    """Errors whose order is less: the best law has the least order, and a head that bends it."""
+    u = np.log(H[::-1])
+    u = u - u.max()
+    y = slope * u
+    found = np.inf
+    for q, power in MODELS:
+        e = np.exp(q * u)
+        top = DECAYED / e[0]
+        low = -top if power > 0.0 else -min(top, 0.9)
+        for r in np.concatenate([low * np.geomspace(1e-4, 1, 500), top * np.geomspace(1e-4, 1, 500)]):
+            rest = y - least * u - power * np.log(np.maximum(np.abs(1.0 + r * e), 1e-3))
+            found = min(found, len(u) * rest.var())
+    assert found * (1.0 - 1e-3) <= convergent(u, y, least) <= 1.2 * found
+    rounding = len(u) * (8 * np.finfo(float).eps) ** 2
+    assert rounding <= convergent(u, least * u, least) < 1e-20
+
+
+@pytest.mark.parametrize("share, is_edge", [(0.105, False), (0.118, True)])
+def test_a_slope_that_is_no_order_yet_is_judged_at_the_finest_step(share, is_edge):
+    """h (1 + r h): the local slope is 1 + share / (1 + share), a tenth off from share = 1 / 9."""
+    u = np.log(H[::-1])
+    u = u - u.max()
+    r = share / np.exp(u[0])
+    assert fit_corrected(u, u + np.log1p(r * np.exp(u))).edge == is_edge
+
+
+def test_the_interval_of_a_clean_law_is_as_wide_as_the_reference_is_wrong():
+    u = np.log(H[::-1])
+    some, more = (fit_corrected(u, u, own).half for own in (1e-4, 1e-3))
+    assert more == pytest.approx(10.0 * some, rel=1e-3) and some > 1e-5
+
+
+@pytest.mark.parametrize("n", [8, 20, 41])
+def test_correlated_residuals_widen_the_interval_by_what_they_correlate(n):
+    """(1 + r) / (1 - r), r the correlation of neighbours corrected for three parameters."""
+    for step in (0.3, 0.6, 1.2, 3.0):
+        resid = np.cos(step * np.arange(n))
+        rho = sum(a * b for a, b in itertools.pairwise(resid)) / sum(resid**2)
+        r = max((rho * n + 2.0) / (n - 4.0), 0.0)
+        expected = min((1.0 + r) / (1.0 - r), 9.0) if r < 1.0 else 9.0
+        assert corrected_power_law._inflation(resid) == pytest.approx(expected)
+    assert corrected_power_law._inflation(np.ones(7)) == 1.0
