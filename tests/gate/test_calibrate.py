@@ -12,7 +12,7 @@ import nsbench
 from nsbench.dynamics.scaling.estimate import case_scale
 from nsbench import study
 from nsbench.cli import main
-from nsbench.gate import baseline, spreads
+from nsbench.gate import baseline, calibrate, spreads
 from nsbench.gate.calibrate import _ended_otherwise, specs_of
 from nsbench.report.data import read
 from nsbench.results import tables
@@ -100,3 +100,23 @@ def test_a_run_that_ends_otherwise_from_a_start_beside_is_told_with_its_reason()
     assert not _ended_otherwise(read(kept), read(kept), "")
     refused = [row("sliding", "pbd", float("nan"), status="refused", why="It has no constraints.")]
     assert not _ended_otherwise(read(refused), read(refused), "")
+
+
+def test_what_ends_otherwise_in_a_pass_is_said_once_with_the_first_reason(tmp_path, monkeypatch):
+    from report_rows import row
+
+    kept = [row("tide", "pbd", h) for h in (0.05, 0.03)]
+    (tmp_path / "out").mkdir()
+    tables.write_tables(tmp_path / "out", kept)
+    reasons = iter(["No motion continues.", "Another.", ""])
+
+    def again(specs, folder, threads, args, data):
+        why = next(reasons)
+        status = "degenerate" if why else "ok"
+        return read([kept[0], row("tide", "pbd", 0.03, status=status, why=why)])
+
+    monkeypatch.setattr(calibrate, "_again", again)
+    said = []
+    calibrate.calibrate(tmp_path / "out", None, said.append)
+    assert sum("1 run ended otherwise in the pass 'starts 1e-12 apart, " in s for s in said) == 1
+    assert any("No motion continues." in s for s in said)

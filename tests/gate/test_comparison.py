@@ -83,13 +83,15 @@ def test_seconds_are_of_the_same_accuracy(versions, tmp_path):
     assert list(common_seconds(read_versions([versions[0], other]))) == [("tide", "theta")]
 
 
-def test_the_history_is_relative_to_the_first_version(versions):
+def test_the_history_is_relative_to_the_first_version(versions, tmp_path):
     tables_ = dict(section_of(versions).tables)
     seconds = tables_["History: seconds, over the first version"]
     assert seconds.columns == ("method", "1.0", "1.1", "1.2")
     assert [c.text for c in seconds.rows[0].cells] == ["pbd", "1", "0.5", "0.25"]
     constants = tables_["History: constant of the state error, over the first version"]
     assert [c.text for c in constants.rows[0].cells[:3]] == ["pbd", "1", "1.5"]
+    short = [results(tmp_path / f"short{k}", seconds=1e-4) for k in range(3)]
+    assert dict(section_of(short).tables)["History: seconds, over the first version"].rows
 
 
 def test_changes_lie_case_by_case_and_the_scatter_has_its_line_of_equals(tmp_path):

@@ -228,3 +228,11 @@ def test_residuals_are_claimed_to_be_rounding_whatever_the_order():
     rows = [row("tide", "pbd", h) | {"feasibility": 1e-15} for h in STEPS]
     claims = {f.claim for k, f in facts(data_of(rows)).items() if k[3].startswith("feasibility")}
     assert claims == {1e-9}
+
+
+def test_a_method_without_claims_claims_no_error():
+    rows = [row("tide", "pbd", h, state_sup=h) for h in STEPS]
+    solvers = {"pbd": describe_solver("pbd") | {"claims": {}}}
+    found = facts(data_of(rows, solvers))
+    claims = {f.claim for k, f in found.items() if k[2] != "ladder" and "state_sup" in k[3]}
+    assert claims == {0.0}

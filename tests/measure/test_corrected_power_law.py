@@ -55,3 +55,9 @@ def test_correlated_residuals_widen_the_interval_by_what_they_correlate(n):
         expected = min((1.0 + r) / (1.0 - r), 9.0) if r < 1.0 else 9.0
         assert corrected_power_law._inflation(resid) == pytest.approx(expected)
     assert corrected_power_law._inflation(np.ones(7)) == 1.0
+
+
+def test_five_errors_show_no_bend_beyond_the_head():
+    u = np.log(H[::-1])[:5]
+    found = fit_corrected(u - u.max(), u**2)
+    assert (found.bend, found.drift) == (0.0, 0.0)
