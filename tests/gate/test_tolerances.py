@@ -230,9 +230,9 @@ def test_residuals_are_claimed_to_be_rounding_whatever_the_order():
     assert claims == {1e-9}
 
 
-def test_a_method_without_claims_claims_no_error():
+def test_a_method_without_claims_claims_no_more_than_rounding():
     rows = [row("tide", "pbd", h, state_sup=h) for h in STEPS]
     solvers = {"pbd": describe_solver("pbd") | {"claims": {}}}
     found = facts(data_of(rows, solvers))
     claims = {f.claim for k, f in found.items() if k[2] != "ladder" and "state_sup" in k[3]}
-    assert claims == {0.0}
+    assert len(claims) == 1 and max(claims) < 1e-11
