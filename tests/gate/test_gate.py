@@ -117,6 +117,16 @@ def test_what_one_side_lacks_is_not_fine():
     }
 
 
+def test_a_number_is_missing_of_a_run_or_with_the_run():
+    """At another step the method was run on the case."""
+    for other, said in (
+        (replace(FACT, parameters="h=7"), "does not give it any more"),
+        (replace(FACT, solver="other"), "was not run on this case"),
+    ):
+        missing = [f for f in compare({other.key: other}, book(FACT)) if f.outcome == "missing"]
+        assert len(missing) == 1 and said in missing[0].sentence
+
+
 def test_a_better_number_is_no_pass():
     assert exit_code(compare({FACT.key: replace(FACT, value=0.1)}, book(FACT))) == 1
 

@@ -293,6 +293,12 @@ def test_too_little_data_is_undecided_but_the_slope_is_given():
     assert fit_order(short, short).verdict == "undecided"
 
 
+def test_eighteen_steps_over_six_octaves_are_enough_for_a_verdict():
+    for n, verdict in ((18, "order"), (17, "undecided")):
+        h = 0.1 * 2.0 ** -np.linspace(0.0, 6.3, n)
+        assert fit_order(h, h).verdict == verdict
+
+
 def test_broken_points_are_counted_out():
     h = np.append(H, [0.1, 0.2, 0.3, -1.0])
     err = np.append(H, [0.1, np.nan, np.inf, 1.0])

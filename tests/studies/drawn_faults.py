@@ -13,11 +13,32 @@ import ast
 import random
 import re
 from dataclasses import dataclass
+from itertools import zip_longest
 from pathlib import Path
 
 from copies import ROOT
 
 SEED = 24
+# what mutants are drawn from (mutants.py)
+ROOMS = {
+    "kernels": (
+        "nsbench/solvers/**/kernels/*.py",
+        "nsbench/dynamics/**/kernels/*.py",
+        "nsbench/qp/kernels/*.py",
+        "nsbench/linalg/*.py",
+        "nsbench/lcp/*.py",
+    ),
+    "measure": ("nsbench/measure/**/*.py",),
+    "gate": ("nsbench/gate/*.py",),
+    "journal": (
+        "nsbench/results/journal.py",
+        "nsbench/results/row_reuse.py",
+        "nsbench/results/packed_rows.py",
+        "nsbench/results/run_key.py",
+        "nsbench/results/tables.py",
+        "nsbench/results/consistency.py",
+    ),
+}
 # drawn, and without effect on any number: the next of its place and kind is drawn instead
 WITHOUT_EFFECT = {
     "nsbench/report/summary.py: kept = last <= bound -> <": (
@@ -240,6 +261,28 @@ def named(path: Path, site: Site, root: Path = ROOT) -> str:
     number = raw[: site.start].count(b"\n")
     line = raw.splitlines()[number].decode().strip()
     return f"{path.relative_to(root).as_posix()}: {line} -> {site.other}"
+
+
+def mutants(count: int, seed: int) -> list[tuple]:
+    """Draw (room, path, site) without repetition: rooms in turn, kinds as likely as each other."""
+    rng = random.Random(seed)
+    drawn = {}
+    for room, patterns in ROOMS.items():
+        files = sorted({p for pattern in patterns for p in ROOT.glob(pattern)})
+        by_kind: dict[str, list] = {}
+        for path in files:
+            for kind, sites in sites_of(path).items():
+                by_kind.setdefault(kind, []).extend((room, path, s) for s in sites)
+        for sites in by_kind.values():
+            rng.shuffle(sites)
+        drawn[room] = in_turn(by_kind[k] for k in sorted(by_kind))
+    return in_turn(drawn.values())[:count]
+
+
+def in_turn(lists) -> list:
+    """Merge lists: the first of each, the second of each, and so on to the end of the longest."""
+    turns = zip_longest(*lists)
+    return [one for turn in turns for one in turn if one is not None]
 
 
 def main() -> None:

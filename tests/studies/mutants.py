@@ -3,10 +3,11 @@
     python tests/studies/mutants.py [--count 500] [--seed 1] [--rooms measure gate] [--minutes 60]
 
 Kinds: a changed operator or comparison, a changed constant, a shifted index, a dropped line
-(drawn_faults.py). Each mutant lies in a copy of the checkout. It is run against the quick tests
-that run its line (covering_tests.py; of compiled kernels, those of its callers), up to the first
-failure and to --limit seconds; if it survives, against the suite of gate_suite.py and its baseline,
-then against the long tests of its module. The copy, with its map of the tests and its compiled
+(drawn_faults.py). Each mutant lies in a copy of the checkout. It goes through stages, up to the
+first that sees it: a kernel, run in Python, through quick tests that run its line
+(interpreted_kernels.py); the quick tests that run its line (covering_tests.py; of compiled kernels,
+those of its callers), up to --limit seconds; the suite of gate_suite.py and its baseline; the long
+tests of its module. --last leaves the later stages to another call. The copy, with its map of the tests and its compiled
 kernels, is kept in a folder of the user's cache, and outcomes are written to a journal there as
 they come: the same command goes on where the last one ended, --again starts anew. Prints the counts
 of each room, and all survivors with the reason that is known (EQUIVALENT); exit status 1 if there
@@ -19,7 +20,6 @@ import argparse
 import hashlib
 import json
 import os
-import random
 import shutil
 import subprocess
 import sys
@@ -27,35 +27,15 @@ import tempfile
 import threading
 import time
 from collections import Counter
-from itertools import zip_longest
 from pathlib import Path
 
 import kernel_stamps
 from copies import ROOT, broken_in, is_kernel
-from covering_tests import CoveringTests, make_map
-from drawn_faults import changed, named, sites_of
+from covering_tests import CPU, INTERPRETED, CoveringTests, make_map, time_interpreted
+from drawn_faults import ROOMS, changed, mutants, named
 from gate_faults import attempt, baseline, baseline_of_one, suite, whole_copy
 from imports import imported
 
-ROOMS = {
-    "kernels": (
-        "nsbench/solvers/**/kernels/*.py",
-        "nsbench/dynamics/**/kernels/*.py",
-        "nsbench/qp/kernels/*.py",
-        "nsbench/linalg/*.py",
-        "nsbench/lcp/*.py",
-    ),
-    "measure": ("nsbench/measure/**/*.py",),
-    "gate": ("nsbench/gate/*.py",),
-    "journal": (
-        "nsbench/results/journal.py",
-        "nsbench/results/row_reuse.py",
-        "nsbench/results/packed_rows.py",
-        "nsbench/results/run_key.py",
-        "nsbench/results/tables.py",
-        "nsbench/results/consistency.py",
-    ),
-}
 SLOWER = 2.0  # times the seconds of the unbroken tests, after which a mutant is said to hang
 START = 30.0  # seconds more, of a process that starts
 COMPILES = 120.0  # seconds more, of one that compiles the kernels that hold a mutant
@@ -63,6 +43,9 @@ HANGS = 45  # seconds of one test, after which its process is ended
 WHOLE = 600.0  # seconds of one test of the unbroken copy, at most
 QUICK = "not long"
 LONG = "long"
+STAGES = ("interpreted", "tests", "gate", "long")
+PYTEST = ("-m", "pytest", "-q", "-n0", "-p", "no:cacheprovider")
+ASSERTIONS = ("assert ", "AssertionError", "Failed: ")  # how pytest's line of a failure begins
 NO_TESTS = 5  # what pytest exits with where none was chosen
 # survivors that no test can see, by drawn_faults.named
 EQUIVALENT: dict[str, str] = {
@@ -71,28 +54,6 @@ EQUIVALENT: dict[str, str] = {
         "the default is taken on systems without these flags alone"
     ),
 }
-
-
-def mutants(count: int, seed: int) -> list[tuple]:
-    """Draw (room, path, site) without repetition: rooms in turn, kinds as likely as each other."""
-    rng = random.Random(seed)
-    drawn = {}
-    for room, patterns in ROOMS.items():
-        files = sorted({p for pattern in patterns for p in ROOT.glob(pattern)})
-        by_kind: dict[str, list] = {}
-        for path in files:
-            for kind, sites in sites_of(path).items():
-                by_kind.setdefault(kind, []).extend((room, path, s) for s in sites)
-        for sites in by_kind.values():
-            rng.shuffle(sites)
-        drawn[room] = in_turn(by_kind[k] for k in sorted(by_kind))
-    return in_turn(drawn.values())[:count]
-
-
-def in_turn(lists) -> list:
-    """Merge lists: the first of each, the second of each, and so on to the end of the longest."""
-    turns = zip_longest(*lists)
-    return [one for turn in turns for one in turn if one is not None]
 
 
 def tests_of(file: str) -> list[str]:
@@ -124,7 +85,7 @@ class Bench:
         self.sound: dict[str, bool] = {}  # by test: does it pass by itself?
         self.failing: dict[str, list[str]] = {}  # by files: their long tests that fail unbroken
         self.env = os.environ | {
-            "PYTHONPATH": str(folder),
+            "PYTHONPATH": f"{folder}{os.pathsep}{folder / 'tests' / 'studies'}",
             "XDG_CACHE_HOME": str(folder / ".cache"),
             "NUMBA_CACHE_DIR": str(folder / ".kernels"),
         }
@@ -134,6 +95,7 @@ class Bench:
         whole_copy(self.folder)
         kernel_stamps.install(self.folder)
         make_map(self.folder, self.env)
+        time_interpreted(self.folder, self.env)
         suite(self.folder, "--reference")
         suite(self.folder)
         path = baseline(self.folder)
@@ -145,7 +107,7 @@ class Bench:
 
     def opened(self) -> Bench:
         """Read the map."""
-        self.tests = CoveringTests(self.folder, is_kernel)
+        self.covering = CoveringTests(self.folder, is_kernel)
         return self
 
     def twin(self, folder: Path) -> Bench:
@@ -159,15 +121,15 @@ class Bench:
 
     def opened_from(self, other: Bench) -> Bench:
         """Take the map of another bench."""
-        self.tests = other.tests
+        self.covering = other.covering
         return self
 
-    def quick(self, tests: list[str]) -> list[str]:
+    def quick(self, tests: list[str], seconds: dict[str, float]) -> list[str]:
         """Return the first tests, as many as take no longer than the limit together."""
         out = []
         left = self.limit
         for test in tests:
-            left -= self.tests.seconds.get(test, 0.0)
+            left -= seconds.get(test, 0.0)
             if left < 0.0:
                 break
             out.append(test)
@@ -179,7 +141,7 @@ class Bench:
         """Run tests, to the first failure or to the end: an outcome, and the tests that failed."""
         hangs = HANGS + self.limit * (marks == LONG)
         hangs += COMPILES * (kernels != self.folder / ".kernels")
-        command = [sys.executable, "-m", "pytest", "-q", "-n0", "-p", "no:cacheprovider"]
+        command = [sys.executable, *PYTEST]
         command += ["-x"] if first else []
         command += ["-o", f"faulthandler_timeout={hangs:.0f}"]
         command += ["-o", "faulthandler_exit_on_timeout=true", "-m", marks]
@@ -228,27 +190,63 @@ class Bench:
             self.sound[test] = self.tested([test], marks, kernels, WHOLE)[0] == "survived"
         return self.sound[test]
 
-    def outcome(self, room: str, fault, line: int) -> dict:
-        """Try one mutant: quick tests that run its line, the gate, long tests of its file."""
-        file = fault[0]
-        tests = self.quick(self.tests.of(file, line))
-        seconds = START + COMPILES * is_kernel(file)
-        seconds += SLOWER * sum(self.tests.seconds[t] for t in tests)
-        long = tests_of(file)
+    def outcome(self, fault, line: int, stages: list[str]) -> dict:
+        """Try one mutant in stages, up to the first that sees it."""
         with tempfile.TemporaryDirectory() as scratch:
-            kernels = self.folder / ".kernels"
-            if is_kernel(file):
-                kernels = Path(scratch) / "kernels"
-                shutil.copytree(self.folder / ".kernels", kernels)
-            said, by = self.killed_by(fault, tests, QUICK, kernels, seconds)
-            if said != "survived":
-                return {"outcome": said, "by": by, "tests": len(tests)}
-            path, one = self.folder / "baseline.csv", (self.folder / "one.txt").read_text("utf-8")
-            with kernel_stamps.mutated(self.folder, file):
-                if attempt(self.folder, path, (fault,), one, kernels)[0]:
-                    return {"outcome": "gate", "by": "gate", "tests": len(tests)}
-            said, by = self.killed_by(fault, long, LONG, kernels, 2.0 * self.limit + COMPILES)
-        return {"outcome": said, "by": by, "tests": len(tests), "long": long}
+            for stage in stages:
+                said, by = getattr(self, stage)(fault, line, Path(scratch) / "kernels")
+                if said != "survived":
+                    return {"outcome": said, "by": by, "stage": stage}
+        whole = stages[-1] == STAGES[-1]
+        return {"outcome": "survived" if whole else "open", "by": "", "stage": stages[-1]}
+
+    def interpreted(self, fault, line: int, _: Path) -> tuple[str, str]:
+        """Run tests that run a line of a kernel, in Python: an assertion that fails is enough."""
+        if not is_kernel(fault[0]):
+            return "survived", ""
+        times = self.covering.interpreted
+        tests = sorted(times.keys() & {*self.covering.of(fault[0], line)}, key=times.get)
+        tests = self.quick(tests, times)
+        options = [*INTERPRETED, str(SLOWER * CPU), "-m", QUICK]
+        command = [sys.executable, *PYTEST, "-x", *options, *tests]
+        with broken_in(self.folder, fault):
+            done = tests and subprocess.run(
+                command, cwd=self.folder, env=self.env, capture_output=True, text=True
+            )
+        for said in done.stdout.splitlines() if done else ():
+            test, _, why = said.removeprefix("FAILED ").partition(" - ")
+            if said.startswith("FAILED ") and why.startswith(ASSERTIONS):
+                return "killed", test
+        return "survived", ""
+
+    def tests(self, fault, line: int, kernels: Path) -> tuple[str, str]:
+        """Run the quick tests that run the line."""
+        tests = self.quick(self.covering.of(fault[0], line), self.covering.seconds)
+        seconds = START + COMPILES * is_kernel(fault[0])
+        seconds += SLOWER * sum(self.covering.seconds[t] for t in tests)
+        return self.killed_by(fault, tests, QUICK, self.kernels_of(fault, kernels), seconds)
+
+    def gate(self, fault, line: int, kernels: Path) -> tuple[str, str]:
+        """Run the suite of the gate, and compare it with its baseline."""
+        path, one = self.folder / "baseline.csv", (self.folder / "one.txt").read_text("utf-8")
+        with kernel_stamps.mutated(self.folder, fault[0]):
+            kernels = self.kernels_of(fault, kernels)
+            seen = attempt(self.folder, path, (fault,), one, kernels)[0]
+        return ("gate", "gate") if seen else ("survived", "")
+
+    def long(self, fault, line: int, kernels: Path) -> tuple[str, str]:
+        """Run the long tests of the file."""
+        seconds = 2.0 * self.limit + COMPILES * is_kernel(fault[0])
+        kernels = self.kernels_of(fault, kernels)
+        return self.killed_by(fault, tests_of(fault[0]), LONG, kernels, seconds)
+
+    def kernels_of(self, fault, scratch: Path) -> Path:
+        """Return the folder of compiled kernels: one of its own for a mutant of a kernel."""
+        if not is_kernel(fault[0]):
+            return self.folder / ".kernels"
+        if not scratch.exists():
+            shutil.copytree(self.folder / ".kernels", scratch)
+        return scratch
 
 
 def journal_path(seed: int) -> Path:
@@ -270,12 +268,20 @@ def report(results: list[dict], count: int) -> int:
         print(room, dict(Counter(r["outcome"] for r in results if r["room"] == room)))
     bad = 0
     for r in results:
-        if r["outcome"] in ("survived", "no tests"):
+        if r["outcome"] == "survived":
             why = EQUIVALENT.get(r["named"], "")
             bad += not why
             print(f"SURVIVED {r['title']}: {why or 'no reason is known'}")
     print(f"{len(results)} of {count} mutants were tried; {bad} survived without a reason")
     return bad
+
+
+def stages_left(row: dict | None, last: str) -> list[str]:
+    """Return the stages up to the last one asked for, after those that a mutant has survived."""
+    if row is not None and row["outcome"] != "open":
+        return []
+    first = 0 if row is None else STAGES.index(row["stage"]) + 1
+    return list(STAGES[first : STAGES.index(last) + 1])
 
 
 def opened_bench(limit: float) -> Bench:
@@ -296,7 +302,9 @@ def opened_bench(limit: float) -> Bench:
     return bench
 
 
-def try_all(benches: list[Bench], todo: list[tuple], path: Path, until: float) -> dict[str, dict]:
+def try_all(
+    benches: list[Bench], todo: list[tuple], path: Path, until: float, done: dict, last: str
+) -> dict[str, dict]:
     """Try mutants on several benches at once, up to a time; outcomes are written as they come."""
     found = {}
     queue = iter(todo)
@@ -312,7 +320,7 @@ def try_all(benches: list[Bench], todo: list[tuple], path: Path, until: float) -
             line = int(title.removeprefix(fault[0] + ":").partition(":")[0])
             began = time.monotonic()
             row = {"room": room, "title": title, "named": named(file, site)}
-            row |= bench.outcome(room, fault, line)
+            row |= bench.outcome(fault, line, stages_left(done.get(title), last))
             row["seconds"] = round(time.monotonic() - began, 1)
             with lock:
                 found[title] = row
@@ -335,6 +343,7 @@ def main() -> int:
     p.add_argument("--seed", type=int, default=1)
     p.add_argument("--rooms", nargs="*", default=list(ROOMS), choices=list(ROOMS))
     p.add_argument("--limit", type=float, default=60.0, help="seconds of the tests of a mutant")
+    p.add_argument("--last", default=STAGES[-1], choices=STAGES, help="leave later stages")
     p.add_argument("--minutes", type=float, default=float("inf"), help="begin none after these")
     p.add_argument("--again", action="store_true", help="forget earlier outcomes")
     p.add_argument("-j", "--jobs", type=int, default=1, help="so many mutants at once")
@@ -346,11 +355,11 @@ def main() -> int:
     done = known(path)
     until = time.monotonic() + 60.0 * args.minutes
     drawn = [m for m in mutants(args.count, args.seed) if m[0] in args.rooms]
-    todo = [m for m in drawn if changed(*m[1:])[0] not in done]
+    todo = [m for m in drawn if stages_left(done.get(changed(*m[1:])[0]), args.last)]
     bench = opened_bench(args.limit)
     with tempfile.TemporaryDirectory() as scratch:
         benches = [bench.twin(Path(scratch) / str(k)) for k in range(args.jobs)]
-        done |= try_all(benches, todo, path, until)
+        done |= try_all(benches, todo, path, until, done, args.last)
     titles = [changed(*m[1:])[0] for m in drawn]
     results = [done[t] for t in titles if t in done]
     return 1 if report(results, len(drawn)) else 0
