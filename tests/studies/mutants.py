@@ -10,7 +10,7 @@ those of its callers), up to --limit seconds; the suite of gate_suite.py and its
 tests of its module. --last leaves the later stages to another call. The copy, with its map of the tests and its compiled
 kernels, is kept in a folder of the user's cache, and outcomes are written to a journal there as
 they come: the same command goes on where the last one ended, --again starts anew. Prints the counts
-of each room, and all survivors with the reason that is known (EQUIVALENT); exit status 1 if there
+of each room, and all survivors with the reason that is known (equivalent_faults.py); exit status 1 if there
 is one without.
 """
 
@@ -33,6 +33,7 @@ import kernel_stamps
 from copies import ROOT, broken_in, is_kernel
 from covering_tests import CPU, INTERPRETED, CoveringTests, make_map, time_interpreted
 from drawn_faults import ROOMS, changed, mutants, named
+from equivalent_faults import reason
 from gate_faults import attempt, baseline, baseline_of_one, suite, whole_copy
 from imports import imported
 
@@ -46,14 +47,8 @@ LONG = "long"
 STAGES = ("interpreted", "tests", "gate", "long")
 PYTEST = ("-m", "pytest", "-q", "-n0", "-p", "no:cacheprovider")
 ASSERTIONS = ("assert ", "AssertionError", "Failed: ")  # how pytest's line of a failure begins
+FAILURES = 5  # of which one at least must be an assertion
 NO_TESTS = 5  # what pytest exits with where none was chosen
-# survivors that no test can see, by drawn_faults.named
-EQUIVALENT: dict[str, str] = {
-    "nsbench/results/consistency.py: "
-    'flags |= getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) -> 1': (
-        "the default is taken on systems without these flags alone"
-    ),
-}
 
 
 def tests_of(file: str) -> list[str]:
@@ -205,13 +200,13 @@ class Bench:
         if not is_kernel(fault[0]):
             return "survived", ""
         times = self.covering.interpreted
-        tests = sorted(times.keys() & {*self.covering.of(fault[0], line)}, key=times.get)
-        tests = self.quick(tests, times)
+        tests = self.quick([t for t in self.covering.of(fault[0], line) if t in times], times)
         options = [*INTERPRETED, str(SLOWER * CPU), "-m", QUICK]
-        command = [sys.executable, *PYTEST, "-x", *options, *tests]
+        command = [sys.executable, *PYTEST, f"--maxfail={FAILURES}", *options, *tests]
+        env = self.env | {"COLUMNS": "500"}  # of the lines that say why a test failed
         with broken_in(self.folder, fault):
             done = tests and subprocess.run(
-                command, cwd=self.folder, env=self.env, capture_output=True, text=True
+                command, cwd=self.folder, env=env, capture_output=True, text=True
             )
         for said in done.stdout.splitlines() if done else ():
             test, _, why = said.removeprefix("FAILED ").partition(" - ")
@@ -269,10 +264,14 @@ def report(results: list[dict], count: int) -> int:
     bad = 0
     for r in results:
         if r["outcome"] == "survived":
-            why = EQUIVALENT.get(r["named"], "")
+            why = reason(r["title"], r["named"])
             bad += not why
             print(f"SURVIVED {r['title']}: {why or 'no reason is known'}")
-    print(f"{len(results)} of {count} mutants were tried; {bad} survived without a reason")
+    left = sum(r["outcome"] == "open" for r in results)
+    print(
+        f"{len(results)} of {count} mutants were tried; {bad} survived without a reason, {left} "
+        f"have later stages before them"
+    )
     return bad
 
 
