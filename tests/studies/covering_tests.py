@@ -2,13 +2,10 @@
 
 One run of the tests in a copy of the checkout notes for each line which tests came by. Compiled
 kernels leave no trace: for them the tests are meant that import the kernel, then those that run
-the functions of the Python files which call it. Some of these end in time with kernels in Python
-as well (interpreted_kernels.py).
+the functions of the Python files which call it.
 """
 
 import ast
-import contextlib
-import json
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
@@ -20,10 +17,6 @@ from imports import imported
 DATA = ".coverage"
 TIMES = "test_times.xml"
 SETTINGS = "coverage.rc"
-INTERPRETED = ("-p", "interpreted_kernels", "--cpu")
-INTERPRETED_TIMES = "interpreted.json"
-CPU = 4.0  # seconds of a test whose kernels run in Python
-WHOLE = 240.0  # seconds of a file of such tests
 
 
 def make_map(folder: Path, env: dict) -> None:
@@ -33,32 +26,6 @@ def make_map(folder: Path, env: dict) -> None:
     command += ["--cov=nsbench", f"--cov-config={SETTINGS}", "--cov-context=test"]
     command += ["--cov-report=", f"--junitxml={TIMES}", "tests"]
     subprocess.run(command, cwd=folder, env=env, check=False, stdout=subprocess.DEVNULL)
-
-
-def time_interpreted(folder: Path, env: dict) -> None:
-    """Run the quick tests of methods and linear solvers with kernels in Python, file by file.
-
-    The seconds of those that pass in time are left in the copy, by id.
-    """
-    seconds: dict[str, float] = {}
-    table = folder / "interpreted.xml"
-    for top in ("linear_solvers", "solvers"):
-        for file in sorted((folder / "tests" / top).rglob("test_*.py")):
-            table.unlink(missing_ok=True)
-            command = [sys.executable, "-m", "pytest", "-q", "-n0", "-p", "no:cacheprovider"]
-            command += ["-m", "not long", *INTERPRETED, str(CPU), f"--junitxml={table}", str(file)]
-            with contextlib.suppress(subprocess.TimeoutExpired):  # its other tests say nothing
-                subprocess.run(
-                    command,
-                    cwd=folder,
-                    env=env,
-                    check=False,
-                    timeout=WHOLE,
-                    stdout=subprocess.DEVNULL,
-                )
-            if table.exists():
-                seconds |= dict(passed(table))
-    (folder / INTERPRETED_TIMES).write_text(json.dumps(seconds), encoding="utf-8")
 
 
 class CoveringTests:
@@ -72,7 +39,6 @@ class CoveringTests:
         self.data = CoverageData(str(folder / DATA))
         self.data.read()
         self.seconds = dict(passed(folder / TIMES))
-        self.interpreted = json.loads((folder / INTERPRETED_TIMES).read_text(encoding="utf-8"))
         self.sources = [
             p.relative_to(folder).as_posix() for p in sorted((folder / "nsbench").rglob("*.py"))
         ]

@@ -4,14 +4,13 @@
 
 Kinds: a changed operator or comparison, a changed constant, a shifted index, a dropped line
 (drawn_faults.py). Each mutant lies in a copy of the checkout. It goes through stages, up to the
-first that sees it: a kernel, run in Python, through quick tests that run its line
-(interpreted_kernels.py); the quick tests that run its line (covering_tests.py; of compiled kernels,
-those of its callers), up to --limit seconds; the suite of gate_suite.py and its baseline; the long
-tests of its module. --last leaves the later stages to another call. The copy, with its map of the tests and its compiled
-kernels, is kept in a folder of the user's cache, and outcomes are written to a journal there as
-they come: the same command goes on where the last one ended, --again starts anew. Prints the counts
-of each room, and all survivors with the reason that is known (equivalent_faults.py); exit status 1 if there
-is one without.
+first that sees it: the quick tests that run its line (covering_tests.py; of compiled kernels, those
+of its callers), up to --limit seconds; the suite of gate_suite.py and its baseline; the long tests
+of its module. --last leaves the later stages to another call. The copy, with its map of the tests
+and its compiled kernels, is kept in a folder of the user's cache, and outcomes are written to a
+journal there as they come: the same command goes on where the last one ended, --again starts anew.
+Prints the counts of each room, and all survivors with the reason that is known
+(equivalent_faults.py); exit status 1 if there is one without.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ from pathlib import Path
 
 import kernel_stamps
 from copies import ROOT, broken_in, is_kernel
-from covering_tests import CPU, INTERPRETED, CoveringTests, make_map, time_interpreted
+from covering_tests import CoveringTests, make_map
 from drawn_faults import ROOMS, changed, mutants, named
 from equivalent_faults import reason
 from gate_faults import attempt, baseline, baseline_of_one, suite, whole_copy
@@ -44,10 +43,8 @@ HANGS = 45  # seconds of one test, after which its process is ended
 WHOLE = 600.0  # seconds of one test of the unbroken copy, at most
 QUICK = "not long"
 LONG = "long"
-STAGES = ("interpreted", "tests", "gate", "long")
+STAGES = ("tests", "gate", "long")
 PYTEST = ("-m", "pytest", "-q", "-n0", "-p", "no:cacheprovider")
-ASSERTIONS = ("assert ", "AssertionError", "Failed: ")  # how pytest's line of a failure begins
-FAILURES = 5  # of which one at least must be an assertion
 NO_TESTS = 5  # what pytest exits with where none was chosen
 
 
@@ -80,7 +77,7 @@ class Bench:
         self.sound: dict[str, bool] = {}  # by test: does it pass by itself?
         self.failing: dict[str, list[str]] = {}  # by files: their long tests that fail unbroken
         self.env = os.environ | {
-            "PYTHONPATH": f"{folder}{os.pathsep}{folder / 'tests' / 'studies'}",
+            "PYTHONPATH": str(folder),
             "XDG_CACHE_HOME": str(folder / ".cache"),
             "NUMBA_CACHE_DIR": str(folder / ".kernels"),
         }
@@ -90,7 +87,6 @@ class Bench:
         whole_copy(self.folder)
         kernel_stamps.install(self.folder)
         make_map(self.folder, self.env)
-        time_interpreted(self.folder, self.env)
         suite(self.folder, "--reference")
         suite(self.folder)
         path = baseline(self.folder)
@@ -194,25 +190,6 @@ class Bench:
                     return {"outcome": said, "by": by, "stage": stage}
         whole = stages[-1] == STAGES[-1]
         return {"outcome": "survived" if whole else "open", "by": "", "stage": stages[-1]}
-
-    def interpreted(self, fault, line: int, _: Path) -> tuple[str, str]:
-        """Run tests that run a line of a kernel, in Python: an assertion that fails is enough."""
-        if not is_kernel(fault[0]):
-            return "survived", ""
-        times = self.covering.interpreted
-        tests = self.quick([t for t in self.covering.of(fault[0], line) if t in times], times)
-        options = [*INTERPRETED, str(SLOWER * CPU), "-m", QUICK]
-        command = [sys.executable, *PYTEST, f"--maxfail={FAILURES}", *options, *tests]
-        env = self.env | {"COLUMNS": "500"}  # of the lines that say why a test failed
-        with broken_in(self.folder, fault):
-            done = tests and subprocess.run(
-                command, cwd=self.folder, env=env, capture_output=True, text=True
-            )
-        for said in done.stdout.splitlines() if done else ():
-            test, _, why = said.removeprefix("FAILED ").partition(" - ")
-            if said.startswith("FAILED ") and why.startswith(ASSERTIONS):
-                return "killed", test
-        return "survived", ""
 
     def tests(self, fault, line: int, kernels: Path) -> tuple[str, str]:
         """Run the quick tests that run the line."""
