@@ -257,3 +257,8 @@ def test_inputs_of_the_wrong_shape_or_type_are_named(name, value):
 def test_a_state_of_the_wrong_size_is_named():
     with pytest.raises(ValueError, match="A of one has 1 rows"):
         one().replace(x0=np.ones(2))
+
+
+def test_a_linear_system_solves_one_problem_a_step():
+    stats = solve(get_case("rlc_diode"), "theta", h=1e-4).stats
+    assert stats["steps"] > 40 and stats["qp_solves"] == stats["steps"] != stats["pivots"]
