@@ -40,6 +40,7 @@ _BY_FILE = {
         ".hexdigest()[:6] -> 7": "one digit more of a digest, on both sides of every comparison",
     },
     "gate/spreads.py": {"ENOUGH = 10 << 20  # bytes -> 21": SIZE},
+    "lcp/gram_lcp.py": {"bad = -1 -> 2": "any negative number says that there is none"},
     "measure/orders/corrected_power_law.py": {
         "u, n = u - u.max(), len(u) -> +": (
             "the head r exp(q u) has another r; the search for it spans the share it may have"
