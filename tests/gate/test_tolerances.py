@@ -206,7 +206,8 @@ def test_the_facts_of_a_ladder_are_its_statuses_verdicts_orders_and_half_widths(
     """Of errors that are not known there are none, of a method that refuses its statuses alone."""
     h = 0.1 / np.unique(np.round(4 * 2 ** np.arange(0, 6.4, 0.35)))
     errors = h * np.exp(0.01 * np.cos(np.arange(len(h))))
-    rows = [row("tide", "pbd", float(v), state_sup=float(e)) for v, e in zip(h, errors, strict=True)]
+    pairs = zip(h, errors, strict=True)
+    rows = [row("tide", "pbd", float(v), state_sup=float(e)) for v, e in pairs]
     rows = [r | {"impulse": float("nan"), "reaction": float("nan")} for r in rows]
     rows.append(row("sliding", "pbd", float("nan"), status="refused", why="It has no constraints."))
     found = {(k[0], k[3]): f.value for k, f in facts(data_of(rows)).items() if k[2] == "ladder"}

@@ -22,7 +22,8 @@ def test_an_order_that_is_at_least_so_much_fits_as_well_as_a_search_finds(slope,
         e = np.exp(q * u)
         top = DECAYED / e[0]
         low = -top if power > 0.0 else -min(top, 0.9)
-        for r in np.concatenate([low * np.geomspace(1e-4, 1, 500), top * np.geomspace(1e-4, 1, 500)]):
+        shares = np.geomspace(1e-4, 1, 500)
+        for r in np.concatenate([low * shares, top * shares]):
             rest = y - least * u - power * np.log(np.maximum(np.abs(1.0 + r * e), 1e-3))
             found = min(found, len(u) * rest.var())
     assert found * (1.0 - 1e-3) <= convergent(u, y, least) <= 1.2 * found

@@ -6,7 +6,7 @@ moved by a hundredth has a reason by its kind.
 
 import math
 
-HUNDREDTH = "a constant that was chosen, moved by a hundredth: no verdict of any row is so near"
+HUNDREDTH = "a constant moved by a hundredth: not looked at one by one"
 SIZE = "a limit on what is read at once or at all: any of its size serves"
 WORKERS = "how many workers share the runs, which have the same bits with any number"
 ALWAYS_MORE = "what is counted there is always more than that"
@@ -97,7 +97,9 @@ _BY_FILE = {
         ),
     },
 }
-_KNOWN = {f"nsbench/{f}: {line}": why for f, lines in _BY_FILE.items() for line, why in lines.items()}
+_KNOWN = {
+    f"nsbench/{file}: {line}": why for file, of in _BY_FILE.items() for line, why in of.items()
+}
 
 
 def reason(title: str, named: str) -> str:

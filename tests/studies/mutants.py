@@ -115,12 +115,12 @@ class Bench:
         self.covering = other.covering
         return self
 
-    def quick(self, tests: list[str], seconds: dict[str, float]) -> list[str]:
+    def quick(self, tests: list[str]) -> list[str]:
         """Return the first tests, as many as take no longer than the limit together."""
         out = []
         left = self.limit
         for test in tests:
-            left -= seconds.get(test, 0.0)
+            left -= self.covering.seconds.get(test, 0.0)
             if left < 0.0:
                 break
             out.append(test)
@@ -193,7 +193,7 @@ class Bench:
 
     def tests(self, fault, line: int, kernels: Path) -> tuple[str, str]:
         """Run the quick tests that run the line."""
-        tests = self.quick(self.covering.of(fault[0], line), self.covering.seconds)
+        tests = self.quick(self.covering.of(fault[0], line))
         seconds = START + COMPILES * is_kernel(fault[0])
         seconds += SLOWER * sum(self.covering.seconds[t] for t in tests)
         return self.killed_by(fault, tests, QUICK, self.kernels_of(fault, kernels), seconds)
