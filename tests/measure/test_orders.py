@@ -4,10 +4,12 @@ at stated rates."""
 import subprocess
 import sys
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy import stats
+from scipy.optimize import brentq
 
 from nsbench.measure.orders import VERDICTS, Fit, fit_order
 from nsbench.measure.orders.plateau import PlateauFit, fit_plateau, persists
@@ -135,6 +137,26 @@ def test_a_plateau_persists_where_coarse_steps_miss_its_level_but_do_not_contrad
     coarse = H >= 4.0 * H.min() * (1 - 1e-9)
     assert found.C < 0.5 * fit_plateau(H[coarse], errors[coarse]).C
     assert persists(H, errors, found)
+
+
+def test_coarse_steps_contradict_a_level_by_an_f_test_of_three_parameters():
+    """F = (RSS of the level - RSS of their own fit) / 3 / (RSS of their own fit / (n - 3)): the
+    level at its 5 % point, by scipy.stats and Brent's method, parts those that persist."""
+    coarse = H >= 4.0 * H.min() * (1 - 1e-9)
+    free = coarse.sum() - 3
+    for seed, sigma in ((4, 0.2), (10, 0.2)):
+        noise = np.random.default_rng(seed).normal(size=H.size)
+        errors = (0.01 + H) * np.exp(sigma * noise)
+        own = fit_plateau(H[coarse], errors[coarse])
+
+        def beyond(share):
+            off = np.log(errors[coarse]) - np.log(share * own.C + own.M * H[coarse] ** own.p)
+            return stats.f.sf((off @ off - own.rss) / 3 * free / own.rss, 3, free) - 0.05
+
+        share = brentq(beyond, 0.01, 1.0)
+        assert share < 0.499  # above a half of their own level no test is asked
+        assert persists(H, errors, replace(own, C=1.001 * share * own.C))
+        assert not persists(H, errors, replace(own, C=0.999 * share * own.C))
 
 
 def test_a_plateau_is_not_claimed_without_its_other_conditions():
