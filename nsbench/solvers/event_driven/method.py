@@ -46,9 +46,9 @@ class EventDriven:
 
     method: the integrator, a name of INTEGRATORS. max_events, max_steps: limits of one run.
     max_step: bound on a step (in Python, steps also end at the samples). compiled: integrate
-    Filippov systems that can be traced by compiled Taylor series, with `dop853` where those need
-    help. tol: relative and absolute tolerance of the integrator; the absolute one in characteristic
-    lengths of the case.
+    Filippov systems and contacts that can be traced by compiled Taylor series, with `dop853` where
+    those need help. tol: relative and absolute tolerance of the integrator; the absolute one in
+    characteristic lengths of the case.
     """
 
     method: str = "dop853"

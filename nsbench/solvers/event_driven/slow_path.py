@@ -6,12 +6,21 @@ The sentences are stats["note"], the column `note`; compiled and proven runs hav
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
 from nsbench.solvers.event_driven.filippov.kernels import loop_state as codes
 from nsbench.solvers.event_driven.filippov.tracing.refusals import UNTRACEABLE, describe_refusal
 from nsbench.solvers.event_driven.interval_taylor import Jet, as_jet
+
+class HostNotes(NamedTuple):
+    """Why a run may be in Python, and why the kinks of its drift are not found by tracing; "" if
+    neither is so."""
+
+    reason: str
+    untraced: str
+
 
 HAND_OVERS = {
     codes.START: "the mode at the start is not certain",

@@ -58,7 +58,7 @@ def test_failures_are_statuses(name):
     )
 
 
-@pytest.mark.parametrize("option, code", [("max_events=1", "chatter"), ("max_steps=7", "maxiter")])
+@pytest.mark.parametrize("option, code", [("max_events=1", "chatter"), ("max_steps=3", "maxiter")])
 def test_budgets_end_a_run(option, code):
     assert solve("tide", f"event_driven[{option}]").status.code == code
 

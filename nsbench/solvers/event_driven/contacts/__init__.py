@@ -1,9 +1,10 @@
 """Event-driven method for gradient systems with constraints: arcs with fixed active contacts.
 
 host_loop: arcs and active sets in Python. compiled_loop: driver of the compiled loop in kernels,
-for affine drifts and constraints at rest. active_set: the velocity LCP with look-ahead, for both.
-gram_matrix: its matrix. evaluation: drift, gaps and gradients. affine_drift: proof that a drift is
-affine. kinked_drift: a drift in fixed states of its kinks. preparation: which of them a case takes.
+for constraints at rest. active_set: the velocity LCP with look-ahead, for both. gram_matrix: its
+matrix. evaluation: drift, gaps and gradients. affine_drift: proof that a drift is affine.
+drift_program: its traced operations otherwise. kinked_drift: a drift in fixed states of its kinks.
+preparation: which of them a case takes.
 
 A contact has these forms:
 

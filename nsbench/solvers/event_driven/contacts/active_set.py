@@ -9,9 +9,9 @@ A contact with neither multiplier nor rate is undecided; so is every contact at 
 release, and one that touches tangentially. The LCP is then solved a little later along the flow, at
 times that grow until every decision is strict. Without that, releases chatter.
 
-With a drift f = A x + c, coordinates that no closed contact and no entry of A couples move
-independently: the LCP, its look-ahead too, separates into parts, and only those in which a contact
-closed, opened or lost its multiplier are solved again.
+Coordinates that no closed contact and no operation of the drift couples move independently: the
+LCP, its look-ahead too, separates into parts, and only those in which a contact closed, opened or
+lost its multiplier are solved again.
 """
 
 from __future__ import annotations

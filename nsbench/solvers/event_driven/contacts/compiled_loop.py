@@ -17,6 +17,11 @@ from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 from nsbench.problem import Smooth
 from nsbench.solvers.event_driven.contacts import active_set
 from nsbench.solvers.event_driven.contacts.affine_drift import affine_drift
+from nsbench.solvers.event_driven.contacts.drift_program import (
+    NO_PROGRAM,
+    dependences,
+    drift_program,
+)
 from nsbench.solvers.event_driven.contacts.evaluation import ContactField
 from nsbench.solvers.event_driven.contacts.gram_matrix import MAX_DENSE_ROWS, compile_sparse
 from nsbench.solvers.event_driven.contacts.kernels import loop_state
@@ -26,6 +31,7 @@ from nsbench.trajectory import Event
 
 if TYPE_CHECKING:
     from nsbench.solvers.event_driven.contacts.host_loop import ContactIntegrator
+    from nsbench.solvers.event_driven.filippov.program import TracedPrograms
 
 BOX_FACTOR = 10.0  # times 1 + the largest |x_i| of the start: box on which the drift must be affine
 SERIES_SHARE = 0.01  # of the error of a step: a series that much better costs little more
@@ -40,12 +46,14 @@ RECENT_ARCS = 10  # arcs whose largest step is the time scale of the look-ahead
 class CompiledSetup:
     """Constants of a compiled run.
 
-    labels (n,): part of each coordinate that the drift couples (see active_set). box: |x_i| up to
-    which the drift is affine. hard (families, 3): first coordinate, particles and dimension of hard
-    particles. order: of the series. step_error: of one step, relative.
+    drift, program: see loop_state. labels (n,): part of each coordinate that the drift couples (see
+    active_set). box: |x_i| up to which the drift is affine. hard (families, 3): first coordinate,
+    particles and dimension of hard particles. order: of the series. step_error: of one step,
+    relative.
     """
 
     drift: loop_state.AffineDrift
+    program: loop_state.DriftProgram
     labels: np.ndarray
     box: float
     hard: np.ndarray
@@ -62,48 +70,57 @@ class CompiledRun:
     longest_step: float
 
 
-def plan_compiled_run(
-    case: Case, field: ContactField, x: np.ndarray, options, tol: float
-) -> CompiledSetup | None:
-    """Set up a compiled run from the start x (n,); None if the case needs the loop in Python.
+def why_in_python(options, constraints: ConstraintSet) -> str:
+    """Say why a case with these constraints has no compiled loop, whatever its drift; else ""."""
+    if options.method != "dop853":
+        return f"method={options.method} is set, and the compiled loop has its own integrator"
+    if not options.compiled:
+        return "compiled=false is set"
+    if constraints.moving:
+        return "constraints move"
+    if any(isinstance(c, Smooth) for c in constraints.families):
+        return "a Smooth constraint is no Affine or Distance"
+    return ""
 
-    That is so for other integrators than dop853, moving or smooth constraints, and drifts that are
-    not proven to be affine.
-    """
-    constraints = field.constraints
-    if (
-        options.method != "dop853"
-        or constraints.moving
-        or any(isinstance(c, Smooth) for c in constraints.families)
-    ):
-        return None
+
+def plan_affine_run(
+    case: Case, field: ContactField, x: np.ndarray, tol: float
+) -> CompiledSetup | None:
+    """Set up a compiled run from the start x (n,); None if the drift is not proven to be affine."""
     box = BOX_FACTOR * (1.0 + float(np.abs(x).max()))
     drift = affine_drift(case, box)
     if drift is None:
         return None
-    hard = [(c.start, m, c.dim) for _, c, m in constraints.hard]
+    order, step_error = _order_and_step_error(tol)
+    return _set_up(field, drift, NO_PROGRAM, box, order, step_error)
+
+
+def plan_traced_run(traced: TracedPrograms, field: ContactField, tol: float) -> CompiledSetup:
+    """Set up a compiled run whose drift is a traced program without kinks."""
+    order, step_error = _order_and_step_error(tol)
+    program = drift_program(traced, order)
+    return _set_up(field, dependences(traced), program, np.inf, order, step_error)
+
+
+def _order_and_step_error(tol):
+    """Return the order of the series and the relative error of a step (Jorba & Zou 2005, eq.
+    10)."""
     step_error = max(SERIES_SHARE * STEP_SHARE * tol, MIN_STEP_ERROR)
-    # Jorba & Zou 2005, eq. 10
     order = int(np.clip(np.ceil(1.0 - 0.5 * np.log(step_error)), ORDERS[0] + 2, ORDERS[1]))
+    return order, step_error
+
+
+def _set_up(field, drift, program, box, order, step_error) -> CompiledSetup:
+    hard = [(c.start, m, c.dim) for _, c, m in field.constraints.hard]
     return CompiledSetup(
         drift,
+        program,
         active_set.label_parts(drift),
         box,
         np.array(hard, np.int64).reshape(-1, 3),
         order,
         step_error * field.length,
     )
-
-
-def why_in_python(options, constraints: ConstraintSet) -> str:
-    """Say why `plan_compiled_run` has no compiled run for a case."""
-    if options.method != "dop853":
-        return f"method={options.method} is set, and the compiled loop has its own integrator"
-    if constraints.moving:
-        return "constraints move"
-    if any(isinstance(c, Smooth) for c in constraints.families):
-        return "a Smooth constraint is no Affine or Distance"
-    return "the drift is not proven to be A x + c, all that the compiled loop of contacts takes"
 
 
 def load(integrator: ContactIntegrator, setup: CompiledSetup) -> None:
@@ -132,6 +149,7 @@ class KernelDriver:
         case = integrator.case
         self.integrator = integrator
         self.setup = setup
+        setup.program.width[:] = np.inf  # nothing is handed on from run to run
         self.loop = _loop_state(integrator, setup)
         self.recent_steps = np.zeros(RECENT_ARCS)
         self.recent_steps[0] = integrator.recent_steps[0]
@@ -160,6 +178,8 @@ class KernelDriver:
         counters = self.loop.counters
         while True:
             code = self._call_kernel()
+            if len(integrator.event_times) > integrator.options.max_events:
+                return False
             if code == LoopCode.DONE:
                 integrator.adopt_compiled_run(
                     CompiledRun(self.samples, counters, float(self.loop.floats.longest_step[0]))
@@ -209,6 +229,7 @@ class KernelDriver:
             integrator.field.initial_layout,
             rows.norm,
             self.setup.drift,
+            self.setup.program,
             self.setup.hard,
             rows.width,
             self.setup.order,

@@ -27,7 +27,7 @@ from nsbench.solvers.event_driven.contacts.failure_status import (
     describe_locking,
 )
 from nsbench.solvers.event_driven.contacts.kinked_drift import KinkedDrift
-from nsbench.solvers.event_driven.slow_path import describe_slow_path, points
+from nsbench.solvers.event_driven.slow_path import HostNotes, describe_slow_path, points
 from nsbench.solvers.event_driven.smooth.arc import Arc, integrate_to_event
 from nsbench.trajectory import Event, Resolution, Status, Trajectory
 
@@ -50,14 +50,14 @@ class ContactIntegrator:
         x: np.ndarray,
         options,
         tol: float,
-        kinks: KinkedDrift | None = None,
-        untraced: str = "",
+        kinks: KinkedDrift | None,
+        notes: HostNotes,
     ):
         self.case = case
         self.options = options
         self.tol = tol
         self.kinks = kinks  # None: the drift has none, or it cannot be traced
-        self._untraced = untraced  # why
+        self._notes = notes
         self.field = ContactField(case, constraints, kinks)
         self.selector = ActiveSetSelector(self.field)
         self.t = float(case.t[0])
@@ -80,7 +80,6 @@ class ContactIntegrator:
         self._recorded = 0
         self._proof = {"unproven": 0, "refused": 0, "touches": 0}
         self._loop = "host"
-        self._why_in_python = compiled_loop.why_in_python(options, constraints)
         self._steps = 0
         self._arcs = 0
         self._longest_step = 0.0
@@ -374,11 +373,11 @@ class ContactIntegrator:
             "roots": "sampled" if self._proof["unproven"] else "verified",
             **self._proof,
             **describe_slow_path(
-                self._why_in_python if self._loop == "host" else "",
+                self._notes.reason if self._loop == "host" else "",
                 [],
                 self._proof["unproven"],
                 lambda: self.field.enclose(*points(self.t, self.x)),
-                self._untraced,
+                self._notes.untraced,
             ),
         }
         return Trajectory(

@@ -10,48 +10,15 @@ without kinks stay with numpy.
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 
-from nsbench.case import Case
 from nsbench.case.scale import time_text
-from nsbench.solvers.event_driven.filippov.program import (
-    TracedPrograms,
-    UntraceableError,
-    trace_programs,
-)
-from nsbench.solvers.event_driven.filippov.tracing.graph import Graph
-from nsbench.solvers.event_driven.filippov.tracing.refusals import describe_refusal
-from nsbench.solvers.event_driven.filippov.tracing.trace import SPACE, inputs, vector
+from nsbench.solvers.event_driven.filippov.program import TracedPrograms
 from nsbench.solvers.event_driven.interval_taylor import ORDER, Jet
 from nsbench.trajectory import Status
 
 FLAT = 1e-7  # relative size below which the rate of an argument decides nothing
 SAME_DRIFT = 1e-12  # relative difference below which the drift is continuous at a kink
-
-
-def trace_kinked_drift(case: Case) -> tuple[KinkedDrift | None, str]:
-    """Trace the drift of a Complementarity case: its kinks, None if it has none or cannot be
-    traced, and why it cannot."""
-    drift = case.problem.drift
-    times = float(case.t[0]), float(case.t[-1])
-    graph = Graph(case.n, times)
-    try:
-        vector(graph, drift(SPACE)(*inputs(graph)), case.n)
-    except Exception as e:  # user code, on arrays that it does not know
-        return None, describe_refusal(e)
-    if not graph.kinks:  # most drifts: no kernel is loaded for them
-        return None, ""
-    problem = SimpleNamespace(
-        field=lambda xp: (lambda f: lambda t, x, s: f(t, x))(drift(xp)),
-        switch=lambda xp: lambda t, x: np.zeros(0),
-    )
-    try:
-        programs = trace_programs(problem, 0, times, case.x0)
-    except UntraceableError as e:
-        return None, str(e)
-    return KinkedDrift(programs), ""
 
 
 class KinkedDrift:

@@ -193,17 +193,24 @@ def hold_active(
 
 @inlined
 def start_series(
-    active: np.ndarray, held: HeldSet, problem: ContactProblem, series: Series, x: np.ndarray
+    active: np.ndarray,
+    held: HeldSet,
+    problem: ContactProblem,
+    series: Series,
+    t: float,
+    x: np.ndarray,
 ) -> None:
-    """Start the series at x (n,): order 1 of the state, order 0 of the drift and of mu."""
+    """Start the series at (t, x (n,)): order 1 of the state, order 0 of the drift and of mu."""
     copy_into(x, series.state[0])
     extend_series(
         one() - 1,
         one(),
+        t,
         active,
         held,
         problem.contacts,
         problem.drift,
+        problem.program,
         series.state,
         series.drift,
     )
@@ -219,7 +226,7 @@ def _solve_velocity(active, start, x, problem, series, work, settings, floats):
     copy_into(start, x)
     ok, held = hold_active(active, problem, x, work, settings.length)
     if ok:
-        start_series(active, held, problem, series, x)
+        start_series(active, held, problem, series, floats.time[0], x)
         floats.drift_size[0] = max(floats.drift_size[0], size(series.drift[0]))
     return ok, held
 

@@ -1,4 +1,4 @@
-"""Integrate between events in compiled code, for drifts f = A x + c and constraints at rest.
+"""Integrate between events in compiled code, for constraints at rest.
 
 Arcs are Taylor series (see taylor_flow and series_step) and events are isolated descents of
 polynomials (see first_event). The next active set is chosen here where it is certain (see
@@ -54,7 +54,10 @@ if TYPE_CHECKING:
     )
 
 SHORT_ORDER = 10  # of a series where the next event is expected soon
-MAX_REMAINING_STEPS = 50_000  # beyond, the equation is stiff and another method is better
+# Steps still to take beyond which the equation is stiff and another method is better; a traced drift
+# may be steep for a short time, and is left only after so many steps of an arc.
+MAX_REMAINING_STEPS = 50_000
+STIFF_STEPS = 4000
 
 
 @inlined
@@ -148,6 +151,7 @@ def _follow_arc(
     # Taylor steps: each is cut at its first event, else the series starts anew at its end.
     levels = arm_events(active, held, problem, x, settings, floats)
     longest = 0.0
+    taken = 0
     entry = -one()
     s = 0.0
     deg = one()
@@ -160,12 +164,14 @@ def _follow_arc(
         if code != LoopCode.DONE:
             return code, entry, s, deg, quick, longest
         counters.steps[0] += 1
+        taken += 1
         levels = later
         counters.touches[0] += touches if entry < 0 else 0
         floats.longest_step[0] = max(floats.longest_step[0], h)
         longest = max(longest, h)
         remaining = settings.end - floats.time[0]
-        if entry < 0 and remaining > MAX_REMAINING_STEPS * h:
+        settled = problem.program.out.size == 0 or taken > STIFF_STEPS
+        if entry < 0 and settled and remaining > MAX_REMAINING_STEPS * h:
             return LoopCode.FAIL, entry, s, deg, quick, longest
         quick = problem.order if entry < 0 else SHORT_ORDER
         last = entry < 0 and h >= remaining
@@ -187,7 +193,7 @@ def _follow_arc(
         if last:
             return LoopCode.DONE, entry, s, deg, quick, longest
         if entry < 0:
-            if not restart_series(h, s, deg, active, held, problem, series, x, scratch, settings):
+            if not restart_series(h, s, deg, active, held, problem, series, x, scratch, loop):
                 return LoopCode.FAIL, entry, s, deg, quick, longest
             deg = one()
     return LoopCode.PAUSE, entry, s, deg, quick, longest
@@ -225,7 +231,7 @@ def integrate_contacts(
     while good:
         _assign_columns(active, accumulated.column, counters)
         if not has_velocity:
-            start_series(active, held, problem, series, x)
+            start_series(active, held, problem, series, loop.floats.time[0], x)
         has_velocity = True
         code, entry, s, deg, quick, longest = _follow_arc(
             active, held, is_active, problem, x, series, quick, samples, accumulated, scratch, loop

@@ -35,12 +35,38 @@ FIRST = 4
 
 
 class AffineDrift(NamedTuple):
-    """f(x) = A x + constant: A as CSR (ptr, cols, vals), constant (n,)."""
+    """f(x) = A x + constant: A as CSR (ptr, cols, vals), constant (n,).
+
+    Of a drift that a DriftProgram computes: which x_j each f_i depends on, with zeros as values.
+    """
 
     ptr: np.ndarray
     cols: np.ndarray
     vals: np.ndarray
     constant: np.ndarray
+
+
+class DriftProgram(NamedTuple):
+    """Traced operations of a drift f(t, x) and the work arrays of its series and certificate.
+
+    ops, nums, first (3,): as in Programs of the Filippov loop (event_driven.filippov.kernels
+    .loop_state). out (n,): the rows of f; none: the drift is an AffineDrift. table
+    (rows, order + 1): Taylor coefficients of all operations on a step. paths (2 n, order + 1):
+    polynomials of state and drift on a piece of it. middles, radii (rows, ORDER + 1): its
+    enclosure. points (rows, ORDER): values at nodes. width (1,): of a piece for which the
+    certificate should hold.
+    """
+
+    ops: np.ndarray
+    nums: np.ndarray
+    first: np.ndarray
+    out: np.ndarray
+    table: np.ndarray
+    paths: np.ndarray
+    middles: np.ndarray
+    radii: np.ndarray
+    points: np.ndarray
+    width: np.ndarray
 
 
 class ContactProblem(NamedTuple):
@@ -57,6 +83,7 @@ class ContactProblem(NamedTuple):
     layout: Layout
     norm: np.ndarray
     drift: AffineDrift
+    program: DriftProgram
     hard: np.ndarray
     width: int
     order: int
@@ -66,10 +93,11 @@ class LoopSettings(NamedTuple):
     """Tolerances and limits, constant during a call.
 
     end: end of the run. tol: tolerance of the run. step_error: relative error of one step.
-    max_step: bound on a step. box: |x_i| up to which the drift is known to be affine. reach: cutoff
-    of the candidates beyond contact. undecided, strict: sizes relative to the drift below which a
-    multiplier or speed is not decided, and above which it is decided ahead. dependent: squared sine
-    of dependent gradients. length: characteristic length of the case. max_steps: limit of the run.
+    max_step: bound on a step. box: |x_i| up to which the drift is known to be affine; inf for a
+    DriftProgram. reach: cutoff of the candidates beyond contact. undecided, strict: sizes relative
+    to the drift below which a multiplier or speed is not decided, and above which it is decided
+    ahead. dependent: squared sine of dependent gradients. length: characteristic length of the
+    case. max_steps: limit of the run.
     """
 
     end: float

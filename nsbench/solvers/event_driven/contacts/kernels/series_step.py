@@ -32,6 +32,7 @@ from nsbench.solvers.event_driven.contacts.kernels.taylor_flow import (
     size,
     step_length,
 )
+from nsbench.solvers.event_driven.contacts.kernels.traced_drift import certified_length
 
 if TYPE_CHECKING:
     from nsbench.dynamics.contacts.kernels.contact_arrays import Contacts
@@ -51,6 +52,8 @@ if TYPE_CHECKING:
 # Local errors by which the slope at the end of a step may miss the equation: it is one order lower.
 MAX_DEFECT = 1e3
 SLOPE_ROUNDING = 1e-10  # part of the slope that ill-conditioned contacts lose by rounding
+# Part of the tolerance that a step may miss of a traced drift, as in the Filippov loop.
+DRIFT_SHARE = 0.03
 MAX_HALVINGS = 60  # of a step that may leave the certificate of the candidates
 
 
@@ -264,13 +267,27 @@ def try_step(
         if goal <= deg:
             continue
         extend_series(
-            deg, goal, active, held, problem.contacts, problem.drift, series.state, series.drift
+            deg,
+            goal,
+            floats.time[0],
+            active,
+            held,
+            problem.contacts,
+            problem.drift,
+            problem.program,
+            series.state,
+            series.drift,
         )
         counters.orders[0] += goal - deg
         deg = goal
         h, code = _choose_step(deg, active, held, series, x, bound, problem, settings, floats)
         if code != LoopCode.DONE:
             return code, deg, h, s, entry, touches, later
+        if problem.program.out.size > 0:
+            local = DRIFT_SHARE * settings.tol * settings.length
+            h = certified_length(h, deg, floats.time[0], local, problem.program, series.state)
+            if not h > 0.0:
+                return LoopCode.FAIL, deg, h, s, entry, touches, later
         s, entry, touches, later = _locate_event(
             deg, h, active, held, is_active, problem, series, levels, bound, settings, floats
         )
@@ -290,7 +307,7 @@ def restart_series(
     series: Series,
     x: np.ndarray,
     scratch: Scratch,
-    settings: LoopSettings,
+    loop: LoopState,
 ) -> bool:
     """Project x (n,), start a new series there and compare the slopes of both at the end of the
     step.
@@ -298,6 +315,7 @@ def restart_series(
     Returns False if the old series missed the slope by more than its error: the path does something
     that the series does not show.
     """
+    settings, floats, _ = loop
     X = series.state
     rate = scratch.vector
     _evaluate_rate(s, deg, X, rate)
@@ -313,7 +331,7 @@ def restart_series(
         settings.length,
     ):
         return False
-    start_series(active, held, problem, series, x)
+    start_series(active, held, problem, series, floats.time[0], x)
     defect = h * max_difference(rate, X[1])
     allowed = settings.step_error * MAX_DEFECT * (1.0 + size(x)) + SLOPE_ROUNDING * h * size(rate)
     return defect <= allowed

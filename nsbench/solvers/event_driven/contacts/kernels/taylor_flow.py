@@ -1,6 +1,7 @@
-"""Expand the flow on a set of active contacts in a Taylor series, for drifts f = A x + c.
+"""Expand the flow on a set of active contacts in a Taylor series.
 
-The distance of an active contact is d, so with  u = (x_i - x_j) / d  the flow is
+The drift is f = A x + c, or computed by a traced program (see traced_drift). The distance of an
+active contact is d, so with  u = (x_i - x_j) / d  the flow is
 
     x' = f + sum_k mu_k u_k (e_i - e_j),     u_k . (x_i' - x_j') = 0,
 
@@ -21,11 +22,12 @@ import numpy as np
 from nsbench.compilation.decorators import inner_kernel, summing_kernel
 from nsbench.dynamics.contacts.kernels.contact_arrays import PAIR, ROW
 from nsbench.linalg.skyline_cholesky import factor, fill, solve
+from nsbench.solvers.event_driven.contacts.kernels.traced_drift import extend_drift
 
 if TYPE_CHECKING:
     from nsbench.dynamics.contacts.kernels.contact_arrays import Contacts, Layout
     from nsbench.solvers.event_driven.contacts.kernels.held_set import HeldSet
-    from nsbench.solvers.event_driven.contacts.kernels.loop_state import AffineDrift
+    from nsbench.solvers.event_driven.contacts.kernels.loop_state import AffineDrift, DriftProgram
 
 
 @inner_kernel
@@ -227,34 +229,48 @@ def _add_known_forces(m, active, contacts, mu, U, V):
 
 
 @inner_kernel
+def _extend_affine_drift(m, drift, X, F):
+    """Compute F[m], order m of A x + constant, from X[m]."""
+    ptr, cols, vals, const = drift
+    for i in range(const.size):
+        s = const[i] if m == 0 else 0.0
+        for e in range(ptr[i], ptr[i + 1]):
+            s += vals[e] * X[m, cols[e]]
+        F[m, i] = s
+
+
+@inner_kernel
 def extend_series(
     m0: int,
     m1: int,
+    t: float,
     active: np.ndarray,
     held: HeldSet,
     contacts: Contacts,
     drift: AffineDrift,
+    program: DriftProgram,
     X: np.ndarray,
     F: np.ndarray,
 ) -> None:
     """Compute the orders m0 to m1 - 1 of mu and of the drift F, and those of X and u up to m1.
 
+    t: the time that the series is about.
+
     X (K, n), K = order + 1: coefficients of the state; F (order, n): of the drift.
     X[m + 1] = (F[m] + (G^T mu)[m]) / (m + 1), where mu[m] makes the term of order m of G x' vanish.
     """
     kind, p, q, d, _, dim = contacts
-    aptr, acols, avals, const = drift
     C, G, count, U, mu, plan, E = held
     rhs = np.empty(active.size)
     # Taylor series of the constrained flow, order by order: known forces, multipliers, velocity.
     for m in range(m0, m1):
         V = X[m + 1]
-        for i in range(const.size):
-            s = const[i] if m == 0 else 0.0
-            for e in range(aptr[i], aptr[i + 1]):
-                s += avals[e] * X[m, acols[e]]
-            F[m, i] = s
-            V[i] = s
+        if program.out.size > 0:
+            extend_drift(m, t, program, X, F)
+        else:
+            _extend_affine_drift(m, drift, X, F)
+        for i in range(V.size):
+            V[i] = F[m, i]
         if m > 0:
             _add_known_forces(m, active, contacts, mu, U, V)
         # order m of G x' = 0: known terms on the right-hand side, one solve for mu[m]
@@ -273,7 +289,7 @@ def extend_series(
             mu[a, m] = rhs[a]
             for e in range(count[a]):
                 V[C[a, e]] += G[a, e] * rhs[a]
-        for i in range(const.size):
+        for i in range(V.size):
             V[i] /= m + 1
         for a in range(active.size):
             k = active[a]

@@ -170,6 +170,48 @@ def _higher_coefficient(code, c, M, R, a, b, y, k):
             )
 
 
+@inner
+def _enclose_operation(code, i, j, c, d, M, R, row):
+    """Fill row `row`, and of a pair the next one, with the operation `code` of rows i and j and of
+    constants c and d."""
+    if code == op.ADD or code == op.SUB or code == op.AFFINE:
+        u, v = (c, 0.0) if code == op.AFFINE else (1.0, 1.0 if code == op.ADD else -1.0)
+        for k in range(ORDER + 1):
+            M[row, k] = u * M[i, k] + v * M[j, k]
+            R[row, k] = abs(u) * R[i, k] + abs(v) * R[j, k] + UNIT * abs(M[row, k])
+        if code == op.AFFINE:
+            M[row, 0] += d
+            R[row, 0] += UNIT * abs(M[row, 0])
+    elif code == op.CONST:
+        for k in range(ORDER + 1):
+            M[row, k] = 0.0
+            R[row, k] = 0.0
+        M[row, 0] = c
+    elif code == op.MUL:
+        _multiply(M, R, i, j, row)
+    elif code == op.SQR:
+        _multiply(M, R, i, i, row)
+        u = max(abs(M[i, 0]) - R[i, 0], 0.0)
+        v = abs(M[i, 0]) + R[i, 0]
+        M[row, 0] = 0.5 * (u * u + v * v)  # it is not negative
+        R[row, 0] = 0.5 * (v * v - u * u) * (1.0 + UNIT) + UNIT * (u * u + v * v)
+    elif code == op.DIV or code == op.RDIV:
+        _divide(M, R, i if code == op.DIV else -1, c, j if code == op.DIV else i, row)
+    else:
+        _first_coefficient(code, c, M, R, i, row)
+        for k in range(1, ORDER + 1):
+            _higher_coefficient(code, c, M, R, i, j, row, k)
+
+
+@inner
+def _bound_unknown(M, R, row):
+    """Give the coefficients of a row that overflow, or are 0 times infinity, infinite radii."""
+    for k in range(ORDER + 1):
+        if not (abs(M[row, k]) < np.inf and R[row, k] < np.inf):
+            M[row, k] = 0.0
+            R[row, k] = np.inf
+
+
 @njit(cache=True, error_model="numpy")
 def enclose(ops, nums, first, n, M, R):
     """Fill rows n + 1 .. of M, R (rows, ORDER + 1), from those of the state and the time. first
@@ -178,40 +220,12 @@ def enclose(ops, nums, first, n, M, R):
     for e in range(lo, first[ALL_END]):
         code = ops[e, 0]
         row = n + 1 + e - lo
-        i = ops[e, 1]
-        j = ops[e, 2]
-        c = nums[e, 0]
         if code == op.COS or code == op.COSH or code == op.SECH2:
             continue
-        if code == op.ADD or code == op.SUB or code == op.AFFINE:
-            u, v = (c, 0.0) if code == op.AFFINE else (1.0, 1.0 if code == op.ADD else -1.0)
-            for k in range(ORDER + 1):
-                M[row, k] = u * M[i, k] + v * M[j, k]
-                R[row, k] = abs(u) * R[i, k] + abs(v) * R[j, k] + UNIT * abs(M[row, k])
-            if code == op.AFFINE:
-                M[row, 0] += nums[e, 1]
-                R[row, 0] += UNIT * abs(M[row, 0])
-            continue
-        if code == op.CONST:
-            for k in range(ORDER + 1):
-                M[row, k] = 0.0
-                R[row, k] = 0.0
-            M[row, 0] = c
-            continue
-        if code == op.MUL:
-            _multiply(M, R, i, j, row)
-        elif code == op.SQR:
-            _multiply(M, R, i, i, row)
-            u = max(abs(M[i, 0]) - R[i, 0], 0.0)
-            v = abs(M[i, 0]) + R[i, 0]
-            M[row, 0] = 0.5 * (u * u + v * v)  # it is not negative
-            R[row, 0] = 0.5 * (v * v - u * u) * (1.0 + UNIT) + UNIT * (u * u + v * v)
-        elif code == op.DIV or code == op.RDIV:
-            _divide(M, R, i if code == op.DIV else -1, c, j if code == op.DIV else i, row)
-        else:
-            _first_coefficient(code, c, M, R, i, row)
-            for k in range(1, ORDER + 1):
-                _higher_coefficient(code, c, M, R, i, j, row, k)
+        _enclose_operation(code, ops[e, 1], ops[e, 2], nums[e, 0], nums[e, 1], M, R, row)
+        _bound_unknown(M, R, row)
+        if code == op.SIN or code == op.SINH or code == op.TANH:
+            _bound_unknown(M, R, row + 1)
 
 
 @njit(cache=True, error_model="numpy")

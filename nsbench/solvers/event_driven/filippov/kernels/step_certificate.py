@@ -89,7 +89,7 @@ def step_length(C, n, p, x, outs, watches, local, most):
 
 
 @summing
-def _tail(Q, i, p, derivative):
+def tail(Q, i, p, derivative):
     """Bound coefficient ORDER, anywhere on the piece, of the polynomial Q[i], or of its derivative
     in s."""
     s = 0.0
@@ -99,7 +99,7 @@ def _tail(Q, i, p, derivative):
 
 
 @inner
-def _at_nodes(Q, i, p, derivative, out, to):
+def at_nodes(Q, i, p, derivative, out, to):
     """Fill out[to, :ORDER] with the values at NODES of the polynomial Q[i], or of its derivative in
     s."""
     for j in range(ORDER):
@@ -140,7 +140,7 @@ def certify_piece(programs, m, n, p, watches, t, start, width, whole, local, C, 
     if not margin >= 1.0:
         return margin
     for i in range(n):
-        _at_nodes(Q, i, p, 0, V, i)
+        at_nodes(Q, i, p, 0, V, i)
     for k in range(ORDER):
         V[n, k] = t + start + radius * (1.0 + NODES[k])
     point(programs.ops, programs.nums, programs.first[m], n, V, ORDER)
@@ -159,19 +159,21 @@ def _smoothness(outs, n, p, watches, radius, least, pace, Q, M, R, error):
     margin = np.inf
     for i in range(n):
         row = outs[i]
-        bound = abs(M[row, ORDER]) + R[row, ORDER] + _tail(Q, i, p, 1) / radius
-        margin = min(margin, SMOOTH * max(pace, least) / (bound * INTERPOLATION))
-        if not margin >= 1.0:
-            return margin
+        bound = abs(M[row, ORDER]) + R[row, ORDER] + tail(Q, i, p, 1) / radius
+        quotient = SMOOTH * max(pace, least) / (bound * INTERPOLATION)
+        if not quotient >= 1.0:
+            return quotient
+        margin = min(margin, quotient)
     for w in range(watches):
         row = outs[n + w]
         error[w] = 0.0
         if row >= 0:
             size = max(abs(M[row, 0]) - R[row, 0], least if w < watches - 1 else 1.0)
-            bound = abs(M[row, ORDER]) + R[row, ORDER] + _tail(Q, n + w, p, 0)
-            margin = min(margin, SMOOTH * size / (bound * INTERPOLATION))
-            if not margin >= 1.0:
-                return margin
+            bound = abs(M[row, ORDER]) + R[row, ORDER] + tail(Q, n + w, p, 0)
+            quotient = SMOOTH * size / (bound * INTERPOLATION)
+            if not quotient >= 1.0:
+                return quotient
+            margin = min(margin, quotient)
             error[w] = bound * INTERPOLATION
     return margin
 
@@ -181,7 +183,7 @@ def _agrees_at_nodes(outs, n, p, watches, radius, whole, local, pace, Q, M, V, e
     """Does the path satisfy the equation at NODES, and do the polynomials of the watched functions
     agree with them there? What the latter miss is added to work.error."""
     for i in range(n):
-        _at_nodes(Q, i, p, 1, M, 0)
+        at_nodes(Q, i, p, 1, M, 0)
         for k in range(ORDER):
             off = abs(M[0, k] / radius - V[outs[i], k]) * whole
             if not off <= DEFECT * local * (1.0 + abs(V[i, k])) + 1e-14 * whole * abs(pace):
@@ -189,7 +191,7 @@ def _agrees_at_nodes(outs, n, p, watches, radius, whole, local, pace, Q, M, V, e
     for w in range(watches):
         row = outs[n + w]
         if row >= 0:
-            _at_nodes(Q, n + w, p, 0, M, 0)
+            at_nodes(Q, n + w, p, 0, M, 0)
             for k in range(ORDER):
                 off = abs(M[0, k] - V[row, k])
                 error[w] += 0.5 * off + 2e-16 * abs(V[row, k])

@@ -122,7 +122,7 @@ def _weighted(C, u, v, last, k):
 
 
 @inner
-def _coefficient(code, C, u, v, y, w, k):
+def coefficient(code, C, u, v, y, w, k):
     """Set coefficient k >= 1 of row y = op(u, v) with constant w; of a pair, that of the next row
     too."""
     if code == op.ADD:
@@ -204,7 +204,7 @@ def series(ops, nums, first, F, n, p, C):
             most = p
         for e in range(begin, end):
             for k in range(least, most + 1):
-                _coefficient(ops[e, 0], C, ops[e, 1], ops[e, 2], n + 1 + e - lo, nums[e, 0], k)
+                coefficient(ops[e, 0], C, ops[e, 1], ops[e, 2], n + 1 + e - lo, nums[e, 0], k)
 
 
 @inner
