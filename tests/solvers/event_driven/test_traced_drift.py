@@ -8,7 +8,7 @@ import pytest
 from studies import random_scenes as scenes
 
 from nsbench import Affine, Case, Complementarity, Distance, Filippov, get_case
-from nsbench.solvers import get, solve
+from nsbench.solvers import solve
 from nsbench.solvers.event_driven.contacts.drift_program import dependences, trace_drift
 
 PYTHON = "event_driven[compiled=false]"
@@ -87,19 +87,6 @@ def test_a_pulse_of_a_mode_moves_the_state_by_its_area(width):
     traj = solve(Case("p", problem, np.array([0.5]), np.array([0.0, 3.0])), "event_driven")
     area = pi**0.5 * (erf(2.0 / width) + erf(1.0 / width))
     assert traj.stats["loop"] == "compiled" and abs(traj.x[-1, 0] - 1.25 - area) < 1e-11
-
-
-def test_a_run_is_repeated_to_the_bit():
-    """What the certificate learned of widths is not handed on to the next run."""
-    drift = lambda xp: lambda t, x: xp.array([xp.cos(t) + pulse(1e-3, xp, t)])
-    case = Case(
-        "p", Complementarity(drift, (Affine([[1.0]], [0.2]),)), np.zeros(1), np.linspace(0, 3, 4)
-    )
-    run = get("event_driven").prepare(case, 1e-12)
-    first = run()
-    second = run()
-    assert first.stats["steps"] == second.stats["steps"]
-    assert first.x.tobytes() == second.x.tobytes()
 
 
 def test_parts_of_the_state_are_what_operations_couple():
