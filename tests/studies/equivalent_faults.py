@@ -41,6 +41,18 @@ _BY_FILE = {
     },
     "gate/spreads.py": {"ENOUGH = 10 << 20  # bytes -> 21": SIZE},
     "lcp/gram_lcp.py": {"bad = -1 -> 2": "any negative number says that there is none"},
+    "lcp/lemke.py": {
+        "close = abs(a - b) <= 1e-13 * (abs(a) + abs(b)) -> <": "no two floats are so far apart",
+    },
+    "qp/kernels/interior_point.py": {
+        "gap = 0.0 -> 1.01": "how far to centre: another way to the same solution",
+    },
+    "qp/kernels/large_callback.py": {
+        "start[k] = mu[k] -> k + 1": "a warm start: another way to the same solution",
+    },
+    "solvers/catching_up/kernels/loop.py": {
+        "reached = t[K - 1] -> 2": "every step writes it before it is read",
+    },
     "measure/orders/corrected_power_law.py": {
         "u, n = u - u.max(), len(u) -> +": (
             "the head r exp(q u) has another r; the search for it spans the share it may have"

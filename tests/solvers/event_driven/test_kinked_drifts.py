@@ -170,6 +170,17 @@ def test_a_jump_that_both_sides_lead_to_is_refused_with_its_line():
     assert abs(float(str(traj.status).split("t = ")[1].split()[0]) - 0.7) < 1e-5
 
 
+def test_of_two_jumps_the_one_that_is_reached_is_named():
+    def drift(xp, t, x):
+        never = xp.where(x[0] > 9.0, 1.0, 0.0)
+        return xp.array([never - xp.sign(x[0] - 0.3), 1.0 + 0.0 * t])
+
+    problem = Filippov({(1,): factory(drift), (-1,): factory(drift)}, factory(smooth_surface))
+    case = Case("jump", problem, np.array([1.0, 0.0]), np.linspace(0.0, 2.0, 5))
+    traj = solve(case, "event_driven")
+    assert traj.stats["loop"] == "compiled" and "`sign` in line" in str(traj.status)
+
+
 @pytest.mark.parametrize("at", [1.373, 2.0 / 3.0])
 def test_a_sliding_motion_is_let_go_where_the_drift_jumps(at):
     against = lambda xp, t, x, s: xp.where(t < at, 0.0, 3.0) - s + 0.0 * x

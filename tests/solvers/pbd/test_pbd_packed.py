@@ -184,3 +184,20 @@ def test_walls_far_away_at_the_start_are_met():
 def test_a_free_collapse_needs_few_lists():
     traj = nsbench.solve(nsbench.get_case("discs", n=200), "pbd", h=0.01)
     assert traj.stats["rebuilds"] <= 1.5 * traj.stats["steps"], traj.stats
+
+
+@pytest.mark.parametrize("centre", [(0.3, 0.4), (0.2, 0.4, 0.4)])
+def test_two_particles_are_parted_along_the_line_of_their_centres(centre):
+    """One at 0, one at a centre c within d = 1: they end at  c / 2 -+ c / (2 |c|)."""
+    c = np.array(centre)
+    case = Case(
+        "pair",
+        Complementarity(lambda xp: lambda t, x: 0.0 * x, (Distance(1.0, dim=c.size),)),
+        np.concatenate((np.full(c.size, 5.0), 0.0 * c, c)),
+        np.linspace(0.0, 1.0, 3),
+        start="keep",
+    )
+    ends = np.split(nsbench.solve(case, "pbd", h=0.1).x[-1], 3)
+    half = 0.5 * c / np.linalg.norm(c)
+    for got, want in zip(ends, (np.full(c.size, 5.0), 0.5 * c - half, 0.5 * c + half), strict=True):
+        np.testing.assert_allclose(got, want, rtol=0.0, atol=1e-15)

@@ -259,6 +259,12 @@ def test_a_state_of_the_wrong_size_is_named():
         one().replace(x0=np.ones(2))
 
 
+@pytest.mark.parametrize("spec, calls", [("theta", 1), ("theta[theta=0.5]", 2)])
+def test_a_linear_system_calls_its_drift_once_for_each_end_of_a_step_that_counts(spec, calls):
+    stats = solve(get_case("rlc_diode"), spec, h=1e-4).stats
+    assert stats["drift_calls"] == calls * stats["steps"] > 40
+
+
 def test_a_linear_system_solves_one_problem_a_step():
     stats = solve(get_case("rlc_diode"), "theta", h=1e-4).stats
     assert stats["steps"] > 40 and stats["qp_solves"] == stats["steps"] != stats["pivots"]
