@@ -89,6 +89,28 @@ def test_a_pulse_of_a_mode_moves_the_state_by_its_area(width):
     assert traj.stats["loop"] == "compiled" and abs(traj.x[-1, 0] - 1.25 - area) < 1e-11
 
 
+@pytest.mark.parametrize("press", [1e3, 1e7, 1e9])
+def test_a_small_front_is_seen_beside_a_large_drift_that_a_wall_holds(press):
+    """x_2' = a (1 + tanh((t - 5) / w)), a = 1e-12 of what presses on x_1: 10 a in all."""
+    a = 1e-12 * press
+    drift = lambda xp: lambda t, x: xp.array(
+        [0.0 * x[0] - press, a * (1.0 + xp.tanh((t - 5.0) / 0.2))]
+    )
+    problem = Complementarity(drift, (Affine([[1.0, 0.0]], [0.0]),))
+    traj = solve(Case("f", problem, np.zeros(2), np.linspace(0.0, 10.0, 5)), "event_driven")
+    assert traj.stats["loop"] == "compiled" and traj.status.ok
+    assert abs(traj.x[-1, 1] - 10.0 * a) < 1e-5 * a * 10.0
+
+
+@pytest.mark.parametrize("method", ["event_driven", PYTHON])
+def test_a_contact_that_closes_at_the_very_end_is_no_failure(method):
+    """x' = -e^t from e - 1 closes at t = 1, the last sample."""
+    drift = lambda xp: lambda t, x: 0.0 * x - xp.exp(t)
+    problem = Complementarity(drift, (Affine([[1.0]], [0.0]),))
+    traj = solve(Case("e", problem, np.array([np.e - 1.0]), np.array([0.0, 0.5, 1.0])), method)
+    assert traj.status.ok and abs(traj.x[-1, 0]) < 1e-14
+
+
 def test_parts_of_the_state_are_what_operations_couple():
     def drift(xp):
         return lambda t, x: xp.array(

@@ -96,6 +96,8 @@ class ContactIntegrator:
             # Event-driven integration: one arc with fixed active contacts after the other.
             while status.ok and self.t < self.end:
                 status = self._follow_arc()
+            if status.ok and self._recorded < len(self.case.t):  # an event at the very end
+                self._record(self.x[None], np.zeros((1, 0)), np.zeros((1, self.case.n)))
         return self.trajectory(status)
 
     def start(self) -> Status:

@@ -54,8 +54,8 @@ if TYPE_CHECKING:
     )
 
 SHORT_ORDER = 10  # of a series where the next event is expected soon
-# Steps still to take beyond which the equation is stiff and another method is better; a traced drift
-# may be steep for a short time, and is left only after so many steps of an arc.
+# Steps still to take beyond which the equation is stiff and another method is better; a traced
+# drift may be steep for a short time, and is left only after so many steps of an arc.
 MAX_REMAINING_STEPS = 50_000
 STIFF_STEPS = 4000
 

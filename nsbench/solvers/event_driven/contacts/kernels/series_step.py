@@ -140,6 +140,13 @@ def advance(
 
 
 @inlined
+def _moves_time(h, settings, floats):
+    """Check that a step is beyond rounding of the time, or leads to the end."""
+    t = floats.time[0]
+    return h > 4e-16 * (abs(t) + abs(settings.end)) or h >= settings.end - t
+
+
+@inlined
 def _choose_step(deg, active, held, series, x, bound, problem, settings, floats):
     """Return (h, code): the step that the series of this degree allows.
 
@@ -152,7 +159,7 @@ def _choose_step(deg, active, held, series, x, bound, problem, settings, floats)
         min(step_length(X, held.mu, deg, settings.step_error, active), settings.max_step),
         remaining,
     )
-    if not h > 4e-16 * (abs(floats.time[0]) + abs(settings.end)) and h < remaining:
+    if not _moves_time(h, settings, floats):
         return h, LoopCode.FAIL
     # Halve the step until no hard particle can leave the certificate of the candidates.
     for _ in range(MAX_HALVINGS):
@@ -286,7 +293,7 @@ def try_step(
         if problem.program.out.size > 0:
             local = DRIFT_SHARE * settings.tol * settings.length
             h = certified_length(h, deg, floats.time[0], local, problem.program, series.state)
-            if not h > 0.0:
+            if not _moves_time(h, settings, floats):
                 return LoopCode.FAIL, deg, h, s, entry, touches, later
         s, entry, touches, later = _locate_event(
             deg, h, active, held, is_active, problem, series, levels, bound, settings, floats

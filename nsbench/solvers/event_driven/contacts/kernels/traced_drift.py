@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from nsbench.solvers.event_driven.contacts.kernels.loop_state import DriftProgram
 
 SHORTEST = 1e-12  # part of a step: a shorter piece is not tried
+REST = 1e-5  # of the unit of the state: a coordinate that is smaller is held against this
 
 
 @inner_kernel
@@ -79,30 +80,39 @@ def extend_drift(m: int, t: float, program: DriftProgram, X: np.ndarray, F: np.n
 
 
 @inner_kernel
+def _largest_at_nodes(Q, i, p, derivative, V):
+    """Return the largest size at NODES of the polynomial Q[i], or of its derivative in s; V: work
+    (1, ORDER)."""
+    at_nodes(Q, i, p, derivative, V, 0)
+    top = 0.0
+    for k in range(ORDER):
+        top = max(top, abs(V[0, k]))
+    return top
+
+
+@inner_kernel
 def _certify_piece(start, width, whole, deg, t, local, program):
     """Return how well a piece of a step is certified, as filippov's certify_piece does.
 
     The step begins at t and is `whole` long; deg: order of its series in program.table; local:
-    error allowed. The piece is certified if the value is >= 1.
+    error allowed. The piece is certified if the value is >= 1. Every coordinate is held against its
+    own size: a small one may move beside a large one, or beside a large drift that contacts hold.
     """
     _, _, _, out, C, Q, M, R, V, _ = program
     n = out.size
     radius = 0.5 * width
     middle = start + radius
-    biggest = 1.0
     for i in range(n):
         shifted(C, i, deg, middle, radius, Q, i)
         shifted(C, out[i], deg - 1, middle, radius, Q, n + i)
-        biggest = max(biggest, 1.0 + abs(Q[i, 0]))
     path(Q, n, deg, t + middle, radius, M, R)
     enclose(program.ops, program.nums, program.first, n, M, R)
+    # smooth: what interpolation at the nodes can miss does not count
+    margin = np.inf
     pace = 0.0
     for i in range(n):
-        pace = max(pace, abs(M[out[i], 0]) - R[out[i], 0])
-    # smooth: what interpolation at the nodes can miss does not count
-    size = max(pace, biggest / max(whole, 1.0))
-    margin = np.inf
-    for i in range(n):
+        pace = max(pace, _largest_at_nodes(Q, i, deg, 1, V) / radius)
+        size = max(_largest_at_nodes(Q, n + i, deg - 1, 0, V), (abs(Q[i, 0]) + REST) / whole)
         bound = abs(M[out[i], ORDER]) + R[out[i], ORDER] + tail(Q, n + i, deg - 1, 0)
         quotient = SMOOTH * size / (bound * INTERPOLATION)
         if not quotient >= 1.0:
@@ -117,8 +127,10 @@ def _certify_piece(start, width, whole, deg, t, local, program):
     for i in range(n):
         at_nodes(Q, n + i, deg - 1, 0, M, 0)
         for k in range(ORDER):
-            off = abs(M[0, k] - V[out[i], k]) * whole
-            if not off <= DEFECT * local * (1.0 + abs(V[i, k])) + 1e-14 * whole * abs(pace):
+            f = V[out[i], k]
+            off = abs(M[0, k] - f) * whole
+            size = abs(Q[i, 0]) + REST + whole * abs(f)
+            if not off <= DEFECT * local * size + 1e-14 * whole * pace:
                 return 0.0
     return margin
 
@@ -134,11 +146,14 @@ def certified_length(
     """
     for i in range(program.out.size):
         program.table[i, deg] = X[deg, i]
+    if not h > 0.0:  # an event at the very end
+        return h
     fits = program.width[0]
     # piece by piece; the width that held is handed on from step to step
     if fits < h < SPLIT * fits:
         h = fits
     width = h / np.ceil(h / fits)
+    shortest = SHORTEST * h
     whole = h
     start = 0.0
     pieces = 0
@@ -155,7 +170,7 @@ def certified_length(
             continue
         fits = wish
         width = wish
-        if not width >= SHORTEST * whole or (start > 0.0 and width < whole / PIECES):
+        if not width >= shortest or (start > 0.0 and width < whole / PIECES):
             break
         if start == 0.0:
             h = min(h, width if h < SPLIT * width else width * PIECES)
