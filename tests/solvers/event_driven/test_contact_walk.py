@@ -1,5 +1,5 @@
-"""The machine code for contacts does what the loop in Python does; and takes only drifts that are
-proven affine as A x + c."""
+"""The machine code for contacts does what the loop in Python does; a drift is taken for A x + c only
+where that is proven."""
 
 import itertools
 
