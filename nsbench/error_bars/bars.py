@@ -32,7 +32,7 @@ import numpy as np
 
 from nsbench.dynamics.contacts.candidates import PAIR, ROW
 from nsbench.dynamics.contacts.constraint_set import ConstraintSet
-from nsbench.error_bars.contact_rows import ContactRows
+from nsbench.error_bars.contact_rows import ContactRows, size
 from nsbench.error_bars.entry import LINEARISED
 from nsbench.error_bars.growth import Linear, drifted, grown, linear_drift, pushed, tangential
 from nsbench.error_bars.local_solution import MOST_PIECES, local_solution
@@ -89,7 +89,7 @@ class Leg:
 
     def carried(self, drift: Callable, delta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the error delta (n,) at the end, and the integral (n,) of J delta."""
-        if not (self.H > 0.0 and np.any(delta)):
+        if not (self.H > 0.0 and size(delta) > 0.0):  # squares of a tiny one underflow
             return delta, np.zeros_like(delta)
         at = self.t + 0.5 * self.H
         rate = pushed(drift, self.rows, at, self.x, self.q, delta)
@@ -259,7 +259,7 @@ class Path:
         if not apart.any():
             return False
         t = self.nodes.t
-        N = rows.gradients(t[:1], self.nodes.x[:1])[0]
+        N = rows.gradients(t[:1], self.nodes.x[:1]).dense()[0]
         first = rows.gaps(t[:1], self.nodes.x[:1])[0]
         for X in (self.nodes.x, self.Y):
             straight = first + (X - self.nodes.x[0]) @ N.T
@@ -278,7 +278,8 @@ class Path:
         for j, ids in enumerate(self.sets):
             if ids and ids not in known:
                 rows = self.shadow.rows(ids)
-                N = rows.gradients(self.nodes.t[j + 1 : j + 2], self.Y[j + 1 : j + 2])[0]
+                at = slice(j + 1, j + 2)
+                N = rows.gradients(self.nodes.t[at], self.Y[at]).dense()[0]
                 full = rows.m <= N.shape[1]
                 value = float(np.linalg.svd(N, compute_uv=False)[-1]) if full else 0.0
                 known[ids] = value if value > DEPENDENT else 0.0

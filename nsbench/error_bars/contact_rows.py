@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
+import copy
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 
-from nsbench.dynamics.contacts.candidates import PAIR, CandidateContacts
+from nsbench.dynamics.contacts.candidates import ANCHOR, PAIR, ROW, SMOOTH, CandidateContacts
 from nsbench.dynamics.contacts.constraint_set import ConstraintSet, near_of
+from nsbench.error_bars.unit_gradients import UnitGradients
 
-# Relative to the diagonal of the Gram matrix of unit normals: contacts that are dependent up to
-# this are closed as one, not each for itself.
-DAMPING = 1e-10
-LARGE = 16  # rows from which Gram matrices are factored by the compiled kernel
-PIVOTS = 8  # rounds of block pivoting
 ROUNDING = 1e-14  # of the state: steps that end an iteration
 TIME_STEP = 2.0**-20  # of own time, for the rate at which a moving constraint moves
 
@@ -32,70 +30,113 @@ class ContactRows:
         self.scene = scene
         self.ids = tuple(ids)
         self.near = near_of(scene, ids) if near is None else near
-        self.layout = scene.layout(self.near)
-        self.m = len(self.ids)
-        rows = self.layout.rows
-        self._rows = np.zeros((len(rows), scene.n))
-        for e, p in enumerate(self.near.p[rows]):
-            at = slice(scene.ptr[p], scene.ptr[p + 1])
-            np.add.at(self._rows[e], scene.cols[at], scene.vals[at])
-        self._sizes = np.linalg.norm(self._rows, axis=1)
-        self._unit_rows = self._rows / self._sizes[:, None]
-        self.is_straight = len(rows) == self.m
-        self.is_moving = scene.moving
-        smooth = enumerate(self.layout.smooth)
-        self._families = [(scene.smooth(s), sel) for s, sel in smooth if sel.size]
+        self._columns, self._count, self._rows = _entries(scene, self.near)
+        self._lengths = np.sqrt((self._rows * self._rows).sum(axis=1))
 
-    def gaps(self, t: np.ndarray, X: np.ndarray) -> np.ndarray:
-        """Return (K, m) the gaps, each divided by the length of its gradient."""
-        g = np.empty((len(t), self.m))
-        for sel, _, diff in self._differences(t, X):
-            dist = np.sqrt((diff * diff).sum(-1))
-            lengths = np.sqrt(2.0) if self.near.kind[sel[0]] == PAIR else 1.0
-            g[:, sel] = self.near.sign[sel] * (dist - self.near.d[sel]) / lengths
-        rows = self.layout.rows
-        if rows.size:
-            b = np.array([self.scene.b(float(s))[self.near.p[rows]] for s in self._times(t)])
-            g[:, rows] = (X @ self._rows.T + b) / self._sizes
-        for fam, sel in self._families:
-            for k, (s, x) in enumerate(zip(t, X, strict=True)):
-                size = np.linalg.norm(fam.gradient(float(s), x)[self.near.p[sel]], axis=1)
-                g[k, sel] = fam.g(float(s), x)[self.near.p[sel]] / size
-        return g
+    @property
+    def m(self) -> int:
+        """Number of contacts."""
+        return len(self.ids)
 
-    def _times(self, t):
-        """Times at which b is evaluated: one of them where it does not move."""
-        return t if self.is_moving else t[:1]
+    @property
+    def is_moving(self) -> bool:
+        """May constraints of the scene move?"""
+        return self.scene.moving
 
-    def _differences(self, t, X):
-        """Yield by kind and dimension: entries, coordinates of both ends, differences."""
-        for kind, sel, i, j in self.layout.pairs:
-            if kind == PAIR:
-                yield sel, (i, j), X[:, i] - X[:, j]
-            else:
-                ends = np.array([self.scene.anchors(float(s))[j] for s in self._times(t)])
-                yield sel, (i, None), X[:, i] - ends
+    @cached_property
+    def is_straight(self) -> bool:
+        """Are all contacts affine rows?"""
+        return bool(np.all(self.near.kind == ROW))
 
-    def gradients(self, t: np.ndarray, X: np.ndarray) -> np.ndarray:
-        """Return (K, m, n) the gradients, scaled to length one."""
-        if self.is_straight:
-            return np.broadcast_to(self._unit_rows, (len(t), *self._unit_rows.shape))
-        N = np.zeros((len(t), self.m, X.shape[1]))
-        for sel, (i, j), diff in self._differences(t, X):
-            dist = np.sqrt((diff * diff).sum(-1, keepdims=True))
-            unit = np.divide(diff, dist, out=np.zeros_like(diff), where=dist > 0.0)
-            unit *= self.near.sign[sel, None]
-            if j is not None:
-                unit /= np.sqrt(2.0)
-                N[:, sel[:, None], j] = -unit
-            N[:, sel[:, None], i] = unit
-        if self.layout.rows.size:
-            N[:, self.layout.rows] = self._unit_rows
+    def take(self, index: np.ndarray) -> ContactRows:
+        """Return the rows of the given index (k,)."""
+        some = copy.copy(self)
+        some.ids = tuple([self.ids[k] for k in index])
+        some.near = self.near.take(index)
+        some._columns = self._columns[index]
+        some._count = self._count[index]
+        some._rows = self._rows[index]
+        some._lengths = self._lengths[index]
+        for name in ("is_straight", "_kernel_arrays", "_families", "_constant"):
+            some.__dict__.pop(name, None)
+        return some
+
+    @cached_property
+    def _families(self) -> list[tuple]:
+        """Smooth families with contacts here, and the places of these."""
+        smooth = self.near.kind == SMOOTH
+        found = [(s, np.flatnonzero(smooth & (self.near.q == s))) for s in set(self.near.q[smooth])]
+        return [(self.scene.smooth(int(s)), sel) for s, sel in sorted(found, key=lambda f: f[0])]
+
+    @cached_property
+    def _kernel_arrays(self) -> tuple:
+        return self.near.contacts, self._columns, self._count, self._rows, self._lengths
+
+    def _moving_data(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return anchors (K, a) and constants of rows (K, rows) at the times t; once where they do
+        not move."""
+        if not self.is_moving:
+            return self._still
+        times = t.tolist()
+        anchors = np.array([self.scene.anchors(s) for s in times])
+        return anchors, np.array([self.scene.b(s) for s in times])
+
+    @cached_property
+    def _still(self) -> tuple[np.ndarray, np.ndarray]:
+        return self.scene.anchors(0.0)[None], self.scene.b(0.0)[None]
+
+    def _evaluate(self, t, X, states: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return gaps (K, m) and entries (states, m, w) of gradients, those of no or of all."""
+        from nsbench.error_bars.kernels.unit_gradients import gaps_and_gradients
+
+        g = np.empty((len(X), self.m))
+        V = np.zeros((states, *self._columns.shape))
+        X = np.ascontiguousarray(X)
+        gaps_and_gradients(*self._kernel_arrays, *self._moving_data(t), X, g, V)
         for fam, sel in self._families:
             for k, (s, x) in enumerate(zip(t, X, strict=True)):
                 rows = fam.gradient(float(s), x)[self.near.p[sel]]
-                N[k, sel] = rows / np.linalg.norm(rows, axis=1, keepdims=True)
-        return N
+                lengths = np.linalg.norm(rows, axis=1)
+                g[k, sel] = fam.g(float(s), x)[self.near.p[sel]] / lengths
+                if states:
+                    V[k, sel] = rows / lengths[:, None]
+        return g, V
+
+    def gaps(self, t: np.ndarray, X: np.ndarray) -> np.ndarray:
+        """Return (K, m) the gaps, each divided by the length of its gradient."""
+        return self._evaluate(t, X, 0)[0]
+
+    @cached_property
+    def _constant(self) -> UnitGradients:
+        values = self._rows / self._lengths[:, None]
+        return UnitGradients(self._columns, self._count, values[None], self.scene.n)
+
+    def gradients(self, t: np.ndarray, X: np.ndarray) -> UnitGradients:
+        """Return the gradients at K states, scaled to length one."""
+        return self._constant if self.is_straight else self.gaps_and_gradients(t, X)[1]
+
+    def gaps_and_gradients(self, t: np.ndarray, X: np.ndarray) -> tuple[np.ndarray, UnitGradients]:
+        """Return (K, m) the gaps and the gradients at K states, both scaled to gradients of length
+        one."""
+        if self.is_straight:
+            return self.gaps(t, X), self._constant
+        g, V = self._evaluate(t, X, len(X))
+        return g, UnitGradients(self._columns, self._count, V, X.shape[1])
+
+    @property
+    def can_be_searched(self) -> bool:
+        """Can first_closing look at all contacts: do they rest, and is none a Smooth one?"""
+        return not (self.is_moving or self._families)
+
+    def first_closing(
+        self, powers: np.ndarray, looks: np.ndarray, closed: float, bits: int
+    ) -> float:
+        """Return where the cubic with the coefficients powers (4, n) first closes a contact, to
+        2^-bits; infinity where none is closed at the places `looks`. See kernels.unit_gradients."""
+        from nsbench.error_bars.kernels.unit_gradients import first_closing
+
+        data = *self._kernel_arrays, *self._still
+        return first_closing(*data, powers, looks, closed, bits)
 
     def constant_gradients(self, t: float, x: np.ndarray) -> np.ndarray:
         """Return (m, n) the gradients of flat faces, which are those at any state.
@@ -104,11 +145,11 @@ class ContactRows:
         which they do not: a link has two sides, and the sign tells which one is meant.
         """
         at = np.array([t])
-        N = self.gradients(at, x[None])[0]
+        N = self.gradients(at, x[None]).dense()[0]
         lost = ~N.any(axis=1)
         if lost.any():
             apart = x + np.sqrt(np.arange(2.0, len(x) + 2.0))
-            N[lost] = self.gradients(at, apart[None])[0][lost]
+            N[lost] = self.gradients(at, apart[None]).dense()[0][lost]
         return N
 
     def rates(self, t: np.ndarray, X: np.ndarray) -> np.ndarray:
@@ -120,104 +161,46 @@ class ContactRows:
     def closed(self, t: np.ndarray, X: np.ndarray, rounds: int = 1) -> np.ndarray:
         """Return states (K, n) near X at which all contacts are closed: Gauss-Newton steps."""
         for _ in range(rounds if self.m else 0):
-            step = normal_part(self.gradients(t, X), self.gaps(t, X), is_refined=rounds == 1)
+            g, N = self.gaps_and_gradients(t, X)
+            step = N.normal_part(g, is_refined=rounds == 1)
             X = X - step
             if np.abs(step).max() <= ROUNDING * np.abs(X).max():
                 break
         return X
 
 
+def _entries(
+    scene: ConstraintSet, near: CandidateContacts
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return columns (m, w) and counts (m,) of the entries of gradients, and their values (m, w) in
+    affine rows."""
+    m = len(near)
+    is_distance = (near.kind == PAIR) | (near.kind == ANCHOR)
+    count = np.where(near.kind == PAIR, 2 * near.dim, near.dim)
+    count[near.kind == SMOOTH] = scene.n
+    dense = {}
+    for k in np.flatnonzero(near.kind == ROW):
+        at = slice(scene.ptr[near.p[k]], scene.ptr[near.p[k] + 1])
+        dense[k] = np.bincount(scene.cols[at], scene.vals[at], scene.n)
+        count[k] = np.count_nonzero(dense[k])
+    columns = np.zeros((m, max(1, int(count.max(initial=1)))), np.int64)
+    values = np.zeros(columns.shape)
+    for dim in set(near.dim[is_distance].tolist()):
+        of_dim = np.flatnonzero(is_distance & (near.dim == dim))
+        columns[of_dim, :dim] = near.p[of_dim, None] + np.arange(dim)
+        if (pairs := of_dim[near.kind[of_dim] == PAIR]).size:
+            columns[pairs, dim : 2 * dim] = near.q[pairs, None] + np.arange(dim)
+    columns[near.kind == SMOOTH] = np.arange(columns.shape[1])
+    for k, row in dense.items():
+        columns[k, : count[k]] = np.flatnonzero(row)
+        values[k, : count[k]] = row[columns[k, : count[k]]]
+    return columns, count.astype(np.int64), values
+
+
 def size(v: np.ndarray) -> float:
     """Return the 2-norm of an array: of a short one, in a quarter of the time numpy takes."""
     flat = v.ravel()
     return math.sqrt(flat @ flat)
-
-
-def times(N: np.ndarray, d: np.ndarray) -> np.ndarray:
-    """Return (K, m) the products N d of N (K, m, n) and d (K, n)."""
-    return (N @ d[..., None])[..., 0]
-
-
-def normal_part(N: np.ndarray, g: np.ndarray, is_refined: bool = True) -> np.ndarray:
-    """Return (K, n) the shortest d with N d = g, for N (K, m, n) and g (K, m).
-
-    Rows that depend on one another are damped by DAMPING; one step of iterative refinement, which
-    an iteration over N does without.
-    """
-    if not g.any():
-        return np.zeros((len(g), N.shape[2]))
-    return _back(N, multipliers(N, g, is_refined))
-
-
-def multipliers(N: np.ndarray, g: np.ndarray, is_refined: bool = False) -> np.ndarray:
-    """Return (K, m) q with N N^T q = g, for N (K, m, n) with damped Gram matrices and g (K, m).
-
-    is_refined: with a step of iterative refinement against the matrices without damping.
-    """
-    K, m, _ = N.shape
-    if m >= LARGE and K:
-        from nsbench.error_bars.kernels.gram import gram_multipliers
-
-        q = np.empty((K, m))
-        # numba compiles a function anew for arrays that may not be written to
-        whole = [np.require(a, float, ["C", "W"]) for a in (N, g)]
-        if gram_multipliers(*whole, DAMPING, is_refined, q):
-            return q
-    solve = _gram_solver(N)
-    q = solve(g)
-    if is_refined:
-        q = q + solve(g - times(N, _back(N, q)))
-    return q
-
-
-def _gram_solver(N: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-    """Return the function that solves the damped Gram systems of N (K, m, n) for (K, m)."""
-    m = N.shape[1]
-    if m == 1:
-        diagonal = (N * N).sum(axis=2) + DAMPING
-        return lambda g: g / diagonal
-    stack = N @ N.transpose(0, 2, 1) + DAMPING * np.eye(m)
-    return lambda g: np.linalg.solve(stack, g[..., None])[..., 0]
-
-
-def _back(N, q):
-    return (q[:, None] @ N)[:, 0]
-
-
-def off_cone(N: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Split d (K, n) into N^T q with q >= 0 and a shortest rest; return rest (K, n), q (K, m).
-
-    The rest is what an inclusion x' in f + N^T q lacks. Where the unconstrained q is positive it is
-    taken, else that of block pivoting, else nonnegative least squares.
-    """
-    q = multipliers(N, times(N, d))
-    for k in np.flatnonzero((q < 0.0).any(axis=1)):
-        found = _by_pivoting(N[k], d[k], q[k] > 0.0)
-        if found is None:
-            from scipy.optimize import nnls
-
-            found = nnls(N[k].T, d[k])[0]
-        q[k] = found
-    return d - _back(N, q), q
-
-
-def _by_pivoting(N: np.ndarray, d: np.ndarray, pushes: np.ndarray) -> np.ndarray | None:
-    """Return q (m,) >= 0 for which d - N^T q is shortest, N (m, n), d (n,); None without success.
-
-    pushes (m,): a guess of the rows with q > 0. All rows on the wrong side change sides at once
-    (block pivoting: Portugal, Judice & Vicente, Math. Comp. 63, 1994), which can cycle.
-    """
-    for _ in range(PIVOTS):
-        some = N[None, pushes]
-        q = np.zeros(len(N))
-        if pushes.any():
-            q[pushes] = multipliers(some, times(some, d[None]), is_refined=True)[0]
-        opens = N @ (d - q @ N) > 10.0 * DAMPING * size(d)
-        wrong = (q < 0.0) | (opens & ~pushes)
-        if not wrong.any():
-            return q
-        pushes = pushes ^ wrong
-    return None
 
 
 def least_change(N: np.ndarray, c: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nsbench.error_bars.contact_rows import ContactRows, normal_part, size
+from nsbench.error_bars.contact_rows import ContactRows, size
 
 NUDGE = 2.0**-20  # of own length, for differences of drifts and normals
 LOOKS = 5  # states of a run at which the derivative of the drift is taken
@@ -62,7 +62,7 @@ def tangential(rows: ContactRows, t: float, x: np.ndarray, delta: np.ndarray) ->
     if not rows.m:
         return delta
     N = rows.gradients(np.array([t]), x[None])
-    return delta - normal_part(N, N @ delta)[0]
+    return delta - N.normal_part(N.times(delta[None]))[0]
 
 
 def drifted(drift: Callable, t: float, x: np.ndarray, delta: np.ndarray) -> np.ndarray:
@@ -84,8 +84,9 @@ def pushed(drift: Callable, rows: ContactRows, t: float, x: np.ndarray, q: np.nd
     if rows.m and not rows.is_straight:
         length = size(delta)
         step = NUDGE / length * delta
-        up, down = rows.gradients(np.array([t, t]), np.array([x + step, x - step]))
-        rate = rate + (up - down).T @ q * (0.5 * length / NUDGE)
+        N = rows.gradients(np.array([t, t]), np.array([x + step, x - step]))
+        up, down = N.back(np.array([q, q]))
+        rate = rate + (up - down) * (0.5 * length / NUDGE)
     return rate
 
 

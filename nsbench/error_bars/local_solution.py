@@ -15,17 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
-from nsbench.dynamics.contacts.candidates import ANCHOR, PAIR, CandidateContacts
-from nsbench.error_bars.contact_rows import (
-    DAMPING,
-    ContactRows,
-    least_change,
-    multipliers,
-    normal_part,
-    off_cone,
-    size,
-    times,
-)
+from nsbench.dynamics.contacts.candidates import ANCHOR, PAIR
+from nsbench.error_bars.contact_rows import ContactRows, least_change, size
 from nsbench.error_bars.shadow import (
     CLOSED,
     HIDDEN,
@@ -133,12 +124,13 @@ class _Piece:
         self.y = y
         self.length = dt
         self.is_cut = False
-        self.pushing: np.ndarray | None = None  # contacts with positive multipliers
+        self.pushing: np.ndarray | None = None  # (1, m): contacts with positive multipliers
         f = self._field(0.0, y)
         for _ in range(REPAIRS):
-            self.near, self.gaps = self._candidates(dt, size(f))
+            self.listed = shadow.near_rows(self.y, 4.0 * dt * size(f) + CLOSED)
+            self.gaps = self.listed.gaps(np.array([t]), self.y[None])[0]
             is_closed = np.flatnonzero(self.gaps <= CLOSED)
-            self.closed = self.shadow.rows(self.near.take(is_closed).ids)
+            self.closed = shadow.rows([self.listed.ids[k] for k in is_closed])
             # what is closed up to CLOSED is closed up to rounding; the jump counts as residual
             if not self.closed.m or not self.closed.is_straight:
                 break
@@ -170,7 +162,7 @@ class _Piece:
         self.last_v = slope(h, self.last)
         way = self.last - self.y
         bend = 3.0 * way - h * (2.0 * self.v + self.last_v)
-        self.powers = self.y, h * self.v, bend, h * (self.v + self.last_v) - 2.0 * way
+        self.powers = np.array([self.y, h * self.v, bend, h * (self.v + self.last_v) - 2.0 * way])
 
     def _states(self, s):
         """Return the states (K, n) at the times s (K,) of the piece: Horner's rule."""
@@ -183,15 +175,6 @@ class _Piece:
         w = s[:, None] / self.step
         return hermite(w, self.step, self.y, self.last, self.v, self.last_v)
 
-    def _candidates(self, dt, speed) -> tuple[CandidateContacts, np.ndarray]:
-        """Return the contacts that are closed or may close within dt, and their gaps (m,)."""
-        if self.shadow.is_flat:
-            rows = self.shadow.all_rows()
-            return rows.near, rows.gaps(np.array([self.t]), self.y[None])[0]
-        scene = self.shadow.scene
-        near = scene.near(self.y, 4.0 * dt * speed + CLOSED, self.t)
-        return near, scene.gaps(self.t, self.y, near)
-
     def _open_contacts(self) -> ContactRows:
         """Return the rows of the open contacts that may close along the curve of the step.
 
@@ -199,18 +182,15 @@ class _Piece:
         less than the way of the whole state, by which candidates were listed.
         """
         is_open = self.gaps > CLOSED
-        scene = self.shadow.scene
-        if self.shadow.is_flat:
-            return self.shadow.rows(self.near.take(np.flatnonzero(is_open)).ids)
-        if not scene.moving:
+        if not (self.shadow.is_flat or self.listed.is_moving):
             way = np.abs(self._states(self.length * LOOKS) - self.y).max(axis=0)
-            is_distance = (self.near.kind == PAIR) | (self.near.kind == ANCHOR)
+            kind = self.listed.near.kind
+            is_distance = (kind == PAIR) | (kind == ANCHOR)
             apart = 2.0 * np.sqrt(3.0) * way.max()
             # more than that: between the places that were looked at the curve may go further
             reach = np.where(is_distance, 2.0 * apart, 4.0 * size(way))
             is_open &= self.gaps <= reach + CLOSED
-        may = self.near.take(np.flatnonzero(is_open))
-        return ContactRows(scene, may.ids, may)
+        return self.listed.take(np.flatnonzero(is_open))
 
     def _velocity(self, s, x, f) -> tuple[np.ndarray, np.ndarray]:
         """Project f on the velocities v with N v + rate >= 0; return v and the multipliers."""
@@ -220,33 +200,29 @@ class _Piece:
         at = np.array([self.t + s])
         N = rows.gradients(at, x[None])
         if not rows.is_moving:
-            rest, q = self._off_cone(N, -f[None])
+            # the contacts that pushed last are tried first
+            rest, q = N.off_cone(-f[None], self.pushing)
+            self.pushing = q > 0.0
             return -rest[0], q[0]
         rates = rows.rates(at, x[None])
-        base = -normal_part(N, rates)
-        if np.abs(times(N, base) + rates).max() > PULL * max(1.0, size(f)):
-            return least_change(N[0], -rates[0], f)  # walls that move apart: no v keeps all closed
-        rest, q = self._off_cone(N, -(f - base))
+        base = -N.normal_part(rates)
+        if np.abs(N.times(base) + rates).max() > PULL * max(1.0, size(f)):
+            return least_change(N.dense()[0], -rates[0], f)  # walls that move apart: no v keeps all closed
+        rest, q = N.off_cone(-(f - base), self.pushing)
+        self.pushing = q > 0.0
         return base[0] - rest[0], q[0]
-
-    def _off_cone(self, N, d):
-        """Split d (1, n) as off_cone does; the contacts that pushed last are tried first."""
-        if self.pushing is not None:
-            some = N[:, self.pushing]
-            q = np.zeros(N.shape[:2])
-            q[:, self.pushing] = multipliers(some, times(some, d))
-            rest = d - (q[:, None] @ N)[:, 0]
-            opens = times(N, rest).max() <= 10.0 * DAMPING * size(d)
-            if opens and q.min() >= 0.0:
-                return rest, q
-        rest, q = off_cone(N, d)
-        self.pushing = np.flatnonzero(q[0] > 0.0)
-        return rest, q
 
     def _stop_at_closing(self):
         """Shorten the piece to the time at which the first open contact closes."""
         self.open = self._open_contacts()
         if not self.open.m:
+            return
+        share = self.length / self.step
+        if self.open.can_be_searched:
+            end = self.open.first_closing(self.powers, share * LOOKS, 0.5 * CLOSED, CLOSING)
+            if end < np.inf:
+                self.length = end * self.step
+                self.is_cut = True
             return
         looks = self.length * LOOKS
         late = next((s for s in looks[self._least_gap(looks) < 0.0]), None)
@@ -281,8 +257,8 @@ class _Piece:
         def least_load(s):
             X = self._states(s)
             N = rows.gradients(self.t + s, X)
-            pull = times(N, self.shadow.fields(self.t + s, X)) + rows.rates(self.t + s, X)
-            return multipliers(N, -pull).min(axis=1)
+            pull = N.times(self.shadow.fields(self.t + s, X)) + rows.rates(self.t + s, X)
+            return N.multipliers(-pull).min(axis=1)
 
         first, last = least_load(np.array([0.0, self.length]))
         if not (first >= 0.0 and last < 0.0):
@@ -329,8 +305,8 @@ class _Piece:
         if rows.m:
             N = rows.gradients(self.t + s, X)
             # the normal velocity is that of the face, whatever the polynomial's is
-            lack = times(N, dX) + rows.rates(self.t + s, X)
-            rest, loads = off_cone(N, rest - normal_part(N, lack))
+            lack = N.times(dX) + rows.rates(self.t + s, X)
+            rest, loads = N.off_cone(rest - N.normal_part(lack))
         sizes = np.linalg.norm(rest, axis=1)
         stretch = Stretch(
             t=self.t,

@@ -13,12 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench.dynamics.contacts.constraint_set import ConstraintSet
-from nsbench.error_bars.contact_rows import ContactRows, normal_part, off_cone, size, times
+from nsbench.error_bars.contact_rows import ContactRows, size
 
 CLOSED = 1e-12  # of own length: a gap that is zero up to rounding
 OUTSIDE = 1e3 * CLOSED  # a state that violates no constraint by more counts as one of S
 PULL = 1e-6  # of own speed: less of a pull at an end of an arc is part of its residual
 NEWTON = 6  # Gauss-Newton steps onto a curved face
+SKIN = 2.0  # times the reach: as far as pairs are listed
 MOST_ROWS = 2_000  # constraints that are all looked at
 REPAIRS = 20  # rounds in which violated constraints are closed as well
 PLACES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of an arc, where its residual is computed
@@ -49,6 +50,7 @@ class Shadow:
         self.is_flat = all(c.dim == 1 for _, c, _ in scene.hard)
         self.is_flat &= pairs + len(scene.all_static()) <= MOST_ROWS
         self._all: ContactRows | None = None
+        self._list: tuple[np.ndarray, float, ContactRows] | None = None
 
     def rows(self, ids: Sequence[tuple]) -> ContactRows:
         """Return the rows of the contacts `ids`, made once."""
@@ -63,6 +65,21 @@ class Shadow:
             origin = np.zeros(self.scene.n)
             self._all = self.rows(self.scene.near(origin, np.inf, 0.0).ids)
         return self._all
+
+    def near_rows(self, y: np.ndarray, reach: float) -> ContactRows:
+        """Return the rows of all contacts that may have a gap of at most `reach` at y (n,).
+
+        Pairs are listed with a skin (Verlet, Phys. Rev. 159, 1967), and anew when the state has
+        moved so far that others may be as near.
+        """
+        if self.is_flat:
+            return self.all_rows()
+        # the gap of a pair changes by at most sqrt(2) times what the state moves
+        if self._list is None or not reach + 2.0 * size(y - self._list[0]) <= self._list[1]:
+            listed = SKIN * reach
+            near = self.scene.near(y, listed)
+            self._list = y, listed, ContactRows(self.scene, near.ids, near)
+        return self._list[2]
 
     def fields(self, t: np.ndarray, X: np.ndarray) -> np.ndarray:
         """Return (K, n) the drift at K states."""
@@ -109,7 +126,7 @@ class Shadow:
         if not rows.m:
             return F
         N = rows.gradients(t, Y)
-        return F - normal_part(N, times(N, F) + rows.rates(t, Y))
+        return F - N.normal_part(N.times(F) + rows.rates(t, Y))
 
     def arcs(self, t: np.ndarray, H: np.ndarray, Y0, Y1, F0, F1, ids: Sequence[tuple]) -> Arcs:
         """Return the K arcs that begin at times t (K,), last H (K,), and lead from Y0 to Y1.
@@ -137,8 +154,8 @@ class Shadow:
             if rows.m:
                 N = rows.gradients(s, P)
                 # the normal velocity is that of the moving face, whatever the polynomial's is
-                lack = times(N, dP) + rows.rates(s, P)
-                rest, q[e] = off_cone(N, rest - normal_part(N, lack))
+                lack = N.times(dP) + rows.rates(s, P)
+                rest, q[e] = N.off_cone(rest - N.normal_part(lack))
             residual[e] = rest
             if w == 0.5:
                 middle = P

@@ -1,0 +1,111 @@
+"""Unit gradients of contacts by their entries: products, Gram systems, projection on their cone."""
+
+from __future__ import annotations
+
+import numpy as np
+
+# Relative to the diagonal of the Gram matrix of unit gradients: contacts that are dependent up to
+# this are closed as one, not each for itself.
+DAMPING = 1e-10
+
+
+class UnitGradients:
+    """Unit gradients N (K, m, n) of m contacts at K states, by their entries.
+
+    columns (m, w), count (m,): coordinates of the entries, which are the same at all states; values
+    (K, m, w), or (1, m, w) where gradients do not depend on the state. n: coordinates. Vectors d
+    (K, n), multipliers q and rates g (K, m).
+    """
+
+    __slots__ = ("columns", "count", "n", "values")
+
+    def __init__(self, columns: np.ndarray, count: np.ndarray, values: np.ndarray, n: int):
+        self.columns = columns
+        self.count = count
+        self.values = values
+        self.n = n
+
+    @classmethod
+    def of(cls, N: np.ndarray) -> UnitGradients:
+        """Return dense unit gradients (K, m, n) as such."""
+        _, m, n = N.shape
+        columns = np.tile(np.arange(n), (m, 1))
+        return cls(columns, np.full(m, n), np.ascontiguousarray(N, float), n)
+
+    def dense(self) -> np.ndarray:
+        """Return (K, m, n) the gradients as dense matrices."""
+        N = np.zeros((*self.values.shape[:2], self.n))
+        for k, c in enumerate(self.count):
+            N[:, k, self.columns[k, :c]] = self.values[:, k, :c]
+        return N
+
+    def times(self, d: np.ndarray) -> np.ndarray:
+        """Return (K, m) the products N d."""
+        from nsbench.error_bars.kernels.gram import times
+
+        out = np.empty((len(d), len(self.columns)))
+        times(self.columns, self.values, self.count, np.ascontiguousarray(d), out)
+        return out
+
+    def back(self, q: np.ndarray) -> np.ndarray:
+        """Return (K, n) the products N^T q."""
+        from nsbench.error_bars.kernels.gram import add_back
+
+        out = np.zeros((len(q), self.n))
+        add_back(self.columns, self.values, self.count, np.ascontiguousarray(q), out)
+        return out
+
+    def normal_part(self, g: np.ndarray, is_refined: bool = True) -> np.ndarray:
+        """Return (K, n) the shortest d with N d = g.
+
+        Rows that depend on one another are damped by DAMPING; one step of iterative refinement,
+        which an iteration over N does without.
+        """
+        if not g.any():
+            return np.zeros((len(g), self.n))
+        return self.back(self.multipliers(g, is_refined))
+
+    def multipliers(self, g: np.ndarray, is_refined: bool = False) -> np.ndarray:
+        """Return (K, m) q with N N^T q = g, by Gram matrices that are damped by DAMPING.
+
+        is_refined: with a step of iterative refinement against the matrices without damping.
+        """
+        from nsbench.error_bars.kernels.gram import gram_multipliers
+
+        q = np.empty(g.shape)
+        arrays = self.columns, self.values, self.count
+        if gram_multipliers(*arrays, self.n, np.ascontiguousarray(g), DAMPING, is_refined, q):
+            return q
+        N = self.dense()
+        stack = N @ N.transpose(0, 2, 1) + DAMPING * np.eye(N.shape[1])
+        return np.linalg.solve(stack, g[..., None])[..., 0]
+
+    def off_cone(
+        self, d: np.ndarray, pushes: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Split d into N^T q with q >= 0 and a shortest rest; return rest (K, n) and q (K, m).
+
+        The rest is what an inclusion x' in f + N^T q lacks. pushes (K, m): a guess of the contacts
+        with q > 0, tried first. By block pivoting, or else by nonnegative least squares.
+        """
+        from nsbench.error_bars.kernels.gram import split_off_cone
+
+        d = np.ascontiguousarray(d)
+        q = np.empty((len(d), len(self.columns)))
+        rest = np.empty(d.shape)
+        tried = np.zeros(q.shape, bool) if pushes is None else pushes.copy()
+        arrays = self.columns, self.values, self.count
+        found = split_off_cone(*arrays, d, tried, DAMPING, q, rest)
+        if not found.all():
+            self._by_least_squares(np.flatnonzero(~found), d, q, rest)
+        return rest, q
+
+    def _by_least_squares(self, at, d, q, rest):
+        """Fill q and rest at the states `at` by nonnegative least squares."""
+        from scipy.optimize import nnls
+
+        N = self.dense()
+        for k in at:
+            some = N[k if len(N) > 1 else 0]
+            q[k] = nnls(some.T, d[k])[0]
+            rest[k] = d[k] - q[k] @ some
