@@ -24,7 +24,6 @@ and the sum of norms is an estimate, no bound. docs/error_bars.md has the proof.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -33,6 +32,7 @@ import numpy as np
 from nsbench.dynamics.contacts.candidates import PAIR, ROW
 from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 from nsbench.error_bars.contact_rows import ContactRows, size
+from nsbench.error_bars.drift import Drift
 from nsbench.error_bars.entry import LINEARISED
 from nsbench.error_bars.growth import Linear, drifted, grown, linear_drift, pushed, tangential
 from nsbench.error_bars.local_solution import MOST_PIECES, local_solution
@@ -87,7 +87,7 @@ class Leg:
     face: ContactRows
     end: np.ndarray
 
-    def carried(self, drift: Callable, delta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def carried(self, drift: Drift, delta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the error delta (n,) at the end, and the integral (n,) of J delta."""
         if not (self.H > 0.0 and size(delta) > 0.0):  # squares of a tiny one underflow
             return delta, np.zeros_like(delta)
@@ -108,7 +108,7 @@ class Path:
     """
 
     def __init__(
-        self, scene: ConstraintSet, drift: Callable, nodes: Nodes, gives_up: bool = False
+        self, scene: ConstraintSet, drift: Drift, nodes: Nodes, gives_up: bool = False
     ):
         self.gives_up = gives_up
         self.shadow = Shadow(scene, drift)

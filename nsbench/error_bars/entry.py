@@ -200,14 +200,14 @@ def is_convex(problem: Complementarity) -> bool:
 
 
 def _in_own_units(case: Case, traj: Trajectory) -> Bars:
-    from nsbench.compilation.factories import as_numpy
     from nsbench.dynamics.contacts.constraint_set import ConstraintSet
     from nsbench.error_bars.bars import Path
+    from nsbench.error_bars.drift import Drift
 
     nodes = _nodes(traj)
     proven = is_convex(case.problem)
     scene = ConstraintSet(case.problem, case.n)
-    path = Path(scene, as_numpy(case.problem.drift), nodes, gives_up=not proven)
+    path = Path(scene, Drift(case.problem.drift, case.n), nodes, gives_up=not proven)
     passed = proven and path.has_passed()
     proven = proven and not passed
     at = np.searchsorted(nodes.t, traj.t)

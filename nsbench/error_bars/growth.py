@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from nsbench.error_bars.contact_rows import ContactRows, size
+from nsbench.error_bars.drift import Drift
 
 NUDGE = 2.0**-20  # of own length, for differences of drifts and normals
 LOOKS = 5  # states of a run at which the derivative of the drift is taken
@@ -24,19 +24,19 @@ class Linear:
     two_sided: float
 
 
-def derivatives(drift: Callable, t: np.ndarray, X: np.ndarray) -> np.ndarray:
+def derivatives(drift: Drift, t: np.ndarray, X: np.ndarray) -> np.ndarray:
     """Return (K, n, n) the derivatives of the drift in the state, by central differences."""
     n = X.shape[1]
     J = np.empty((len(t), n, n))
     for k, (s, x) in enumerate(zip(t, X, strict=True)):
-        for i in range(n):
-            step = NUDGE * np.eye(n)[i] * max(1.0, abs(x[i]))
-            up = np.asarray(drift(float(s), x + step), float)
-            J[k, :, i] = (up - drift(float(s), x - step)) / (2.0 * step[i])
+        steps = NUDGE * np.maximum(1.0, np.abs(x))
+        moved = np.diag(steps)
+        values = drift.at(np.full(2 * n, s), np.concatenate([x + moved, x - moved]))
+        J[k] = ((values[:n] - values[n:]) / (2.0 * steps[:, None])).T
     return J
 
 
-def linear_drift(drift: Callable, t: np.ndarray, X: np.ndarray) -> Linear:
+def linear_drift(drift: Drift, t: np.ndarray, X: np.ndarray) -> Linear:
     """Return the drift near a run as a linear one, with upper estimates of its constants.
 
     Its derivative is that of the middle of LOOKS states of the run; the constants are the largest
@@ -65,15 +65,15 @@ def tangential(rows: ContactRows, t: float, x: np.ndarray, delta: np.ndarray) ->
     return delta - N.normal_part(N.times(delta[None]))[0]
 
 
-def drifted(drift: Callable, t: float, x: np.ndarray, delta: np.ndarray) -> np.ndarray:
+def drifted(drift: Drift, t: float, x: np.ndarray, delta: np.ndarray) -> np.ndarray:
     """Return J delta (n,), the rate at which the drift parts two motions that are delta apart."""
     length = size(delta)
     step = NUDGE / length * delta
-    slope = np.asarray(drift(t, x + step), float) - drift(t, x - step)
-    return slope * (0.5 * length / NUDGE)
+    up, down = drift.at(np.array([t, t]), np.array([x + step, x - step]))
+    return (up - down) * (0.5 * length / NUDGE)
 
 
-def pushed(drift: Callable, rows: ContactRows, t: float, x: np.ndarray, q: np.ndarray, delta):
+def pushed(drift: Drift, rows: ContactRows, t: float, x: np.ndarray, q: np.ndarray, delta):
     """Return (n,) the rate of a small error delta of a motion on the face of the contacts `rows`.
 
     It is J delta + (d/dx N^T q) delta with the multipliers q (m,) of unit gradients, but for what

@@ -101,7 +101,7 @@ def _in_pieces(
     left = t + H - now if at < pieces else 0.0
     if left > 0.0:
         # too many events: the curve waits where it is for the rest of the interval
-        f = np.asarray(shadow.drift(now, y), float)
+        f = shadow.drift(now, y)
         total += left * f
         found.append(_waiting(now, left, y, left * float(np.linalg.norm(f)), closed))
     residual = sum(s.slack for s in found)
@@ -147,7 +147,7 @@ class _Piece:
         self._stop_at_violation(q)
 
     def _field(self, s, x):
-        return np.asarray(self.shadow.drift(self.t + s, x), float)
+        return self.shadow.drift(self.t + s, x)
 
     def _take_step(self):
         """Take one step of the classical Runge-Kutta method for the projected drift."""

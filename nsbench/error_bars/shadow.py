@@ -7,13 +7,14 @@ face along its normals. What it lacks to be a solution is the residual rho = Y' 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 from nsbench.error_bars.contact_rows import ContactRows, size
+from nsbench.error_bars.drift import Drift
 
 CLOSED = 1e-12  # of own length: a gap that is zero up to rounding
 OUTSIDE = 1e3 * CLOSED  # a state that violates no constraint by more counts as one of S
@@ -35,10 +36,10 @@ BETWEEN = (0.125, 0.375, 0.625, 0.875)  # where it must be in S as well
 class Shadow:
     """Feasible states near recorded ones, and the residual of smooth arcs between them.
 
-    scene: the constraints; drift: f(t, x) in numpy. All states are in own units.
+    scene: the constraints; drift: f(t, x). All states are in own units.
     """
 
-    def __init__(self, scene: ConstraintSet, drift: Callable):
+    def __init__(self, scene: ConstraintSet, drift: Drift):
         self.scene = scene
         self.drift = drift
         self._rows: dict[tuple, ContactRows] = {}
@@ -83,10 +84,12 @@ class Shadow:
 
     def fields(self, t: np.ndarray, X: np.ndarray) -> np.ndarray:
         """Return (K, n) the drift at K states."""
-        return np.array([self.drift(float(s), x) for s, x in zip(t, X, strict=True)], float)
+        return self.drift.at(t, X)
 
     def least_gaps(self, t: np.ndarray, X: np.ndarray) -> np.ndarray:
         """Return (K,) the smallest gap of any constraint, 0.0 where none is violated."""
+        if self.is_flat:
+            return self.all_rows().gaps(t, X).min(axis=1, initial=0.0)
         worst = np.minimum(self._static.gaps(t, X).min(axis=1, initial=0.0), 0.0)
         # in the plane a pair that is violated but does not act is left to the local solutions
         if any(c.dim == 1 for _, c, _ in self.scene.hard):
