@@ -236,7 +236,7 @@ class Path:
         their normals in between; at the end those that act in the next interval as well.
         """
         parts = self.stretches[j]
-        faces = [tuple(c for c in a.ids if c in set(b.ids)) for a, b in pairwise(parts)]
+        faces = [_common(a.ids, b.ids) for a, b in pairwise(parts)]
         faces.append(self.closed[j + 1])
         ends = [*(s.end for s in parts[:-1]), self.Y[j + 1]]
         rows = self.shadow.rows
@@ -311,12 +311,13 @@ def _acting(nodes: Nodes) -> list[tuple]:
 
 def _on_both_sides(sets: list[tuple]) -> list[tuple]:
     """Return by node the contacts that act before and behind it; at the end, those before it."""
-    inner = [
-        tuple(c for c in a if c in held)
-        for a, b in zip(sets[:-1], sets[1:], strict=True)
-        for held in (set(b),)
-    ]
-    return [(), *inner, sets[-1]]
+    return [(), *(_common(a, b) for a, b in pairwise(sets)), sets[-1]]
+
+
+def _common(first: tuple, second: tuple) -> tuple:
+    """Return the contacts of the first that are in the second too."""
+    held = set(second)
+    return tuple(c for c in first if c in held)
 
 
 def _groups(sets: list[tuple]) -> list[tuple[tuple, np.ndarray]]:

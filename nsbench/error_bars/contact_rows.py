@@ -11,7 +11,7 @@ import numpy as np
 
 from nsbench.dynamics.contacts.candidates import ANCHOR, PAIR, ROW, SMOOTH, CandidateContacts
 from nsbench.dynamics.contacts.constraint_set import ConstraintSet, near_of
-from nsbench.error_bars.unit_gradients import UnitGradients
+from nsbench.error_bars.unit_gradients import UnitGradients, for_kernel
 
 ROUNDING = 1e-14  # of the state: steps that end an iteration
 TIME_STEP = 2.0**-20  # of own time, for the rate at which a moving constraint moves
@@ -53,9 +53,10 @@ class ContactRows:
         some = copy.copy(self)
         some.ids = tuple([self.ids[k] for k in index])
         some.near = self.near.take(index)
-        some._columns = self._columns[index]
         some._count = self._count[index]
-        some._rows = self._rows[index]
+        width = int(some._count.max(initial=1))
+        some._columns = np.ascontiguousarray(self._columns[index, :width])
+        some._rows = np.ascontiguousarray(self._rows[index, :width])
         some._lengths = self._lengths[index]
         for name in ("is_straight", "_kernel_arrays", "_families", "_constant"):
             some.__dict__.pop(name, None)
@@ -91,7 +92,7 @@ class ContactRows:
 
         g = np.empty((len(X), self.m))
         V = np.zeros((states, *self._columns.shape))
-        X = np.ascontiguousarray(X)
+        X = for_kernel(X)
         gaps_and_gradients(*self._kernel_arrays, *self._moving_data(t), X, g, V)
         for fam, sel in self._families:
             for k, (s, x) in enumerate(zip(t, X, strict=True)):

@@ -7,18 +7,23 @@ from collections.abc import Callable
 import numpy as np
 
 from nsbench.compilation.factories import CompileError, as_numpy, rhs_cfunc
+from nsbench.error_bars.unit_gradients import for_kernel
 
 
 class Drift:
-    """The drift f(t, x) of ``drift(xp) -> (t, x)`` in n coordinates, at one state or at many."""
+    """The drift f(t, x) of ``drift(xp) -> (t, x)`` in n coordinates, at one state or at many.
+
+    is_compiled: could numba compile it?
+    """
 
     def __init__(self, drift: Callable, n: int):
-        self._in_numpy: Callable | None = None
         try:
             self._pointer = rhs_cfunc(drift, n)
         except CompileError:
             self._in_numpy = as_numpy(drift)
+            self.is_compiled = False
             return
+        self.is_compiled = True
         from numba import float64, typeof
 
         from nsbench.error_bars.kernels.drift_values import drift_values
@@ -34,9 +39,8 @@ class Drift:
     def at(self, t: np.ndarray, X: np.ndarray) -> np.ndarray:
         """Return (K, n) the drift at the times t (K,) and states X (K, n)."""
         out = np.empty(X.shape)
-        if self._in_numpy is None:
-            times = np.ascontiguousarray(t, float)
-            self._values(self._pointer, times, np.ascontiguousarray(X), out)
+        if self.is_compiled:
+            self._values(self._pointer, np.ascontiguousarray(t, float), for_kernel(X), out)
             return out
         for k, (s, x) in enumerate(zip(t, X, strict=True)):
             out[k] = np.ravel(self._in_numpy(float(s), x))

@@ -129,8 +129,7 @@ class _Piece:
         for _ in range(REPAIRS):
             self.listed = shadow.near_rows(self.y, 4.0 * dt * size(f) + CLOSED)
             self.gaps = self.listed.gaps(np.array([t]), self.y[None])[0]
-            is_closed = np.flatnonzero(self.gaps <= CLOSED)
-            self.closed = shadow.rows([self.listed.ids[k] for k in is_closed])
+            self.closed = shadow.part(self.listed, np.flatnonzero(self.gaps <= CLOSED))
             # what is closed up to CLOSED is closed up to rounding; the jump counts as residual
             if not self.closed.m or not self.closed.is_straight:
                 break
@@ -162,7 +161,8 @@ class _Piece:
         self.last_v = slope(h, self.last)
         way = self.last - self.y
         bend = 3.0 * way - h * (2.0 * self.v + self.last_v)
-        self.powers = np.array([self.y, h * self.v, bend, h * (self.v + self.last_v) - 2.0 * way])
+        cubic = h * (self.v + self.last_v) - 2.0 * way
+        self.powers = np.array([self.y, h * self.v, bend, cubic])
 
     def _states(self, s):
         """Return the states (K, n) at the times s (K,) of the piece: Horner's rule."""
@@ -207,7 +207,8 @@ class _Piece:
         rates = rows.rates(at, x[None])
         base = -N.normal_part(rates)
         if np.abs(N.times(base) + rates).max() > PULL * max(1.0, size(f)):
-            return least_change(N.dense()[0], -rates[0], f)  # walls that move apart: no v keeps all closed
+            # walls that move apart: no v keeps all closed
+            return least_change(N.dense()[0], -rates[0], f)
         rest, q = N.off_cone(-(f - base), self.pushing)
         self.pushing = q > 0.0
         return base[0] - rest[0], q[0]
@@ -233,11 +234,11 @@ class _Piece:
     def _stop_at_violation(self, q):
         """Shorten the piece to before a flat contact is violated that is closed at its start and
         does not act: it opens and closes again."""
-        resting = [c for c, load in zip(self.closed.ids, q, strict=True) if not load > 0.0]
-        if not resting or not self.shadow.is_flat:
+        resting = np.flatnonzero(~(q > 0.0))
+        if not resting.size or not self.shadow.is_flat:
             return
         looks = self.length * LOOKS
-        gaps = self.shadow.rows(resting).gaps(self.t + looks, self._states(looks))
+        gaps = self.shadow.part(self.closed, resting).gaps(self.t + looks, self._states(looks))
         late = np.flatnonzero(gaps.min(axis=1) < -OUTSIDE)
         if late.size:
             self.length = float(looks[late[0] - 1] if late[0] else 0.5 * looks[0])
@@ -249,10 +250,10 @@ class _Piece:
 
     def _stop_at_release(self, q) -> bool:
         """Shorten the piece to the time at which the first acting multiplier vanishes."""
-        acting = [c for c, load in zip(self.closed.ids, q, strict=True) if load > 0.0]
-        if not acting:
+        acting = np.flatnonzero(q > 0.0)
+        if not acting.size:
             return False
-        rows = self.shadow.rows(acting)
+        rows = self.shadow.part(self.closed, acting)
 
         def least_load(s):
             X = self._states(s)
@@ -286,8 +287,7 @@ class _Piece:
         s = self.length * PLACES
         X, dX = self._curve(s)
         _, q = self._velocity(s[2], X[2], self._field(s[2], X[2]))
-        acting = tuple(c for c, load in zip(self.closed.ids, q, strict=True) if load > 0.0)
-        rows = self.shadow.rows(acting)
+        rows = self.shadow.part(self.closed, np.flatnonzero(q > 0.0))
         controls = bezier(X[0], X[-1], self.length * dX[0], self.length * dX[-1])
         if rows.m:
             on = rows.closed(self.t + s, X, 1 if rows.is_straight else NEWTON)
@@ -313,7 +313,7 @@ class _Piece:
             H=self.length,
             states=controls,
             end=X[-1],
-            ids=acting,
+            ids=rows.ids,
             loads=loads,
             closed=frozenset(self.closed.ids),
             residual=np.empty((0, len(self.y))),

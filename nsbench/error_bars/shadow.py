@@ -60,6 +60,13 @@ class Shadow:
             self._rows[key] = ContactRows(self.scene, key)
         return self._rows[key]
 
+    def part(self, rows: ContactRows, index: np.ndarray) -> ContactRows:
+        """Return the rows of the given index (k,), made once for each set of contacts."""
+        key = tuple([rows.ids[k] for k in index])
+        if key not in self._rows:
+            self._rows[key] = rows.take(index)
+        return self._rows[key]
+
     def all_rows(self) -> ContactRows:
         """Return the rows of all constraints, for scenes with few of them."""
         if self._all is None:

@@ -9,6 +9,14 @@ import numpy as np
 DAMPING = 1e-10
 
 
+def for_kernel(a: np.ndarray) -> np.ndarray:
+    """Return the array in the layout for which kernels are compiled.
+
+    numba compiles a function anew for arrays that may not be written to.
+    """
+    return a if a.flags.c_contiguous and a.flags.writeable else np.array(a, float, order="C")
+
+
 class UnitGradients:
     """Unit gradients N (K, m, n) of m contacts at K states, by their entries.
 
@@ -30,7 +38,7 @@ class UnitGradients:
         """Return dense unit gradients (K, m, n) as such."""
         _, m, n = N.shape
         columns = np.tile(np.arange(n), (m, 1))
-        return cls(columns, np.full(m, n), np.ascontiguousarray(N, float), n)
+        return cls(columns, np.full(m, n), for_kernel(N), n)
 
     def dense(self) -> np.ndarray:
         """Return (K, m, n) the gradients as dense matrices."""
@@ -44,7 +52,7 @@ class UnitGradients:
         from nsbench.error_bars.kernels.gram import times
 
         out = np.empty((len(d), len(self.columns)))
-        times(self.columns, self.values, self.count, np.ascontiguousarray(d), out)
+        times(self.columns, self.values, self.count, for_kernel(d), out)
         return out
 
     def back(self, q: np.ndarray) -> np.ndarray:
@@ -52,7 +60,7 @@ class UnitGradients:
         from nsbench.error_bars.kernels.gram import add_back
 
         out = np.zeros((len(q), self.n))
-        add_back(self.columns, self.values, self.count, np.ascontiguousarray(q), out)
+        add_back(self.columns, self.values, self.count, for_kernel(q), out)
         return out
 
     def normal_part(self, g: np.ndarray, is_refined: bool = True) -> np.ndarray:
@@ -74,7 +82,7 @@ class UnitGradients:
 
         q = np.empty(g.shape)
         arrays = self.columns, self.values, self.count
-        if gram_multipliers(*arrays, self.n, np.ascontiguousarray(g), DAMPING, is_refined, q):
+        if gram_multipliers(*arrays, self.n, for_kernel(g), DAMPING, is_refined, q):
             return q
         N = self.dense()
         stack = N @ N.transpose(0, 2, 1) + DAMPING * np.eye(N.shape[1])
@@ -90,7 +98,7 @@ class UnitGradients:
         """
         from nsbench.error_bars.kernels.gram import split_off_cone
 
-        d = np.ascontiguousarray(d)
+        d = for_kernel(d)
         q = np.empty((len(d), len(self.columns)))
         rest = np.empty(d.shape)
         tried = np.zeros(q.shape, bool) if pushes is None else pushes.copy()

@@ -10,8 +10,7 @@ import nsbench
 from nsbench import Affine, Case, Complementarity, Distance, get_case
 from nsbench.cli import main
 from nsbench.dynamics.contacts.constraint_set import ConstraintSet
-from nsbench.error_bars.contact_rows import DAMPING, LARGE, multipliers, off_cone
-from nsbench.error_bars.kernels.gram import gram_multipliers
+from nsbench.error_bars.drift import Drift
 from nsbench.error_bars.local_solution import local_solution
 from nsbench.error_bars.shadow import Shadow
 from nsbench.reference import reference
@@ -272,7 +271,7 @@ def test_the_comparison_curve_stays_feasible_between_its_nodes():
     problem = Complementarity(drift, (Distance(d=1.0, dim=1),))
     scene = ConstraintSet(problem, 2)
     t = np.arange(5.0)
-    shadow = Shadow(scene, drift(np))
+    shadow = Shadow(scene, Drift(drift, 2))
     x = np.tile([0.0, 1.0], (5, 1))
     steep = np.array([[0.3, -0.3], [-0.3, 0.3]])
     arcs = shadow.arcs(t[:1], np.ones(1), x[:1], x[1:2], steep[:1], steep[1:], ())
@@ -313,62 +312,6 @@ def test_implicit_steps_and_springs_have_error_bars_too(method, name, accuracy, 
         assert 1.0 <= bar.max() / error.max() < most
 
 
-def _normals(rng, states: int, particles: int, contacts: int) -> np.ndarray:
-    """Unit gradients (states, contacts, 2 particles) of pairs drawn at random; the last one is
-    the first, twice."""
-    N = np.zeros((states, contacts, 2 * particles))
-    for k in range(contacts - 1):
-        i, j = rng.choice(particles, 2, replace=False)
-        unit = rng.normal(size=(states, 2))
-        unit /= np.sqrt(2.0) * np.linalg.norm(unit, axis=1, keepdims=True)
-        N[:, k, 2 * i : 2 * i + 2] = unit
-        N[:, k, 2 * j : 2 * j + 2] = -unit
-    N[:, -1] = N[:, 0]
-    return N
-
-
-@pytest.mark.parametrize("contacts", [LARGE - 1, LARGE, 40])
-@pytest.mark.parametrize("states", [1, 7])
-def test_multipliers_in_the_envelope_are_those_of_the_dense_gram_matrix(states, contacts):
-    rng = np.random.default_rng(contacts)
-    N = _normals(rng, states, 30, contacts)
-    g = (N @ rng.normal(size=(states, 60, 1)))[..., 0]
-    gram = N @ N.transpose(0, 2, 1)
-    plain = np.linalg.solve(gram + DAMPING * np.eye(contacts), g[..., None])[..., 0]
-    assert np.allclose(multipliers(N, g), plain, rtol=1e-4, atol=1e-4)
-    closed = (gram @ multipliers(N, g)[..., None])[..., 0]
-    assert np.abs(closed - g).max() < 1e-7
-    refined = (gram @ multipliers(N, g, is_refined=True)[..., None])[..., 0]
-    assert np.abs(refined - g).max() < 1e-13
-
-
-def test_arrays_that_may_not_be_written_to_compile_no_second_version():
-    rng = np.random.default_rng(3)
-    N = _normals(rng, 1, 30, LARGE)
-    g = rng.normal(size=(1, LARGE))
-    known = multipliers(N, g)
-    for array in (N, g):
-        array.flags.writeable = False
-    assert np.array_equal(multipliers(N, g), known)
-    assert len(gram_multipliers.signatures) == 1
-
-
-
-def test_what_is_off_a_cone_is_the_shortest_rest():
-    """Block pivoting against nonnegative least squares, of normals that depend on one another."""
-    from scipy.optimize import nnls
-
-    rng = np.random.default_rng(5)
-    for contacts in (2, 9, 30):
-        N = _normals(rng, 20, 12, contacts)
-        d = rng.normal(size=(20, 24))
-        rest, q = off_cone(N, d)
-        assert q.min() >= 0.0
-        assert np.allclose(d - rest, (q[:, None] @ N)[:, 0], atol=1e-12)
-        for k in range(20):
-            assert np.linalg.norm(rest[k]) == pytest.approx(nnls(N[k].T, d[k])[1], abs=1e-8)
-
-
 def test_a_contact_that_closes_is_found_however_large_the_scene_is():
     """Candidates are taken by the way of particles: a lone pair that meets at t = 0.5, beside a
     hundred others that all move."""
@@ -379,6 +322,7 @@ def test_a_contact_that_closes_is_found_however_large_the_scene_is():
     scene = ConstraintSet(Complementarity(lambda xp: None, (Distance(1.0),)), 204)
     end = x0 + 2.0 * pull
     end[-4:] = -30.0 + 0.75, 0.0, -31.0 + 0.75, 0.0
-    found = local_solution(Shadow(scene, lambda t, x: pull), 0.0, 2.0, x0, end)
+    shadow = Shadow(scene, Drift(lambda xp: lambda t, x: pull + 0.0, 204))
+    found = local_solution(shadow, 0.0, 2.0, x0, end)
     assert found.is_complete
     assert np.abs(found.state - end).max() < 1e-10

@@ -37,7 +37,7 @@ def _factored(plan, C, V, count, m, damping, zeros, E):
 
     zeros (n,): zeros, which it leaves.
     """
-    ends = plan[2]
+    _, _, ends, _, _ = plan
     fill(plan, C, V, count, m, zeros, E)
     for i in range(m):
         E[ends[i + 1] - 1] += damping
@@ -79,7 +79,8 @@ def gram_multipliers(
     """
     m = len(C)
     plan = arrange(C, count, m, n)
-    E = np.empty(plan[2][m])
+    _, _, ends, _, _ = plan
+    E = np.empty(ends[m])
     zeros = np.zeros(n)
     for s in range(len(g)):
         at = s if len(V) > 1 else 0
@@ -128,7 +129,8 @@ def _least_squares(C, V, count, n, pushes, d, damping, is_refined, q):
             columns[a, e] = C[k, e]
             values[a, e] = V[k, e]
     plan = arrange(columns, length, p, n)
-    E = np.empty(plan[2][p])
+    _, _, ends, _, _ = plan
+    E = np.empty(ends[p])
     if not _factored(plan, columns, values, length, p, damping, np.zeros(n), E):
         return False
     found = np.empty(p)

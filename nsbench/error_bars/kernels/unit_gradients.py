@@ -78,8 +78,11 @@ def _least_gap(contacts, columns, count, rows, lengths, ends, levels, powers, w,
     """Return the least gap at the state that the cubic with the coefficients powers (4, n) has at
     w, which fills x (n,)."""
     none = np.empty(0)
-    for c in range(len(x)):
-        x[c] = powers[0, c] + w * (powers[1, c] + w * (powers[2, c] + w * powers[3, c]))
+    # Horner's rule
+    x[:] = 0.0
+    for p in range(len(powers) - 1, -1, -1):
+        for c in range(len(x)):
+            x[c] = powers[p, c] + w * x[c]
     least = np.inf
     for k in range(len(columns)):
         if contacts.kind[k] == ROW:
