@@ -167,23 +167,21 @@ def _pivoted(C, V, count, n, pushes, d, damping, q, rest, wrong):
     are tried. Then all rows on the wrong side change sides at once (block pivoting: Portugal,
     Judice & Vicente, Math. Comp. 63, 1994), which can cycle.
     """
-    if np.any(pushes) and _least_squares(C, V, count, n, pushes, d, damping, False, q):
-        if _mark_wrong(C, V, count, pushes, d, damping, q, rest, wrong) == 0:
-            return True
-    pushes[:] = True
-    if not _least_squares(C, V, count, n, pushes, d, damping, False, q):
-        return False
-    if _mark_wrong(C, V, count, pushes, d, damping, q, rest, wrong) == 0:
-        return True
-    for k in range(len(C)):
-        pushes[k] = q[k] > 0.0
-    for _ in range(PIVOTS):
-        if not _least_squares(C, V, count, n, pushes, d, damping, True, q):
-            return False
-        if _mark_wrong(C, V, count, pushes, d, damping, q, rest, wrong) == 0:
-            return True
+    for r in range(2 + PIVOTS):
         for k in range(len(C)):
-            pushes[k] = pushes[k] != wrong[k]
+            if r == 1:
+                pushes[k] = True
+            elif r == 2:
+                pushes[k] = q[k] > 0.0
+            elif r > 2:
+                pushes[k] = pushes[k] != wrong[k]
+        if r == 0 and not np.any(pushes):
+            continue
+        if _least_squares(C, V, count, n, pushes, d, damping, r > 1, q):
+            if _mark_wrong(C, V, count, pushes, d, damping, q, rest, wrong) == 0:
+                return True
+        elif r > 0:
+            return False
     return False
 
 

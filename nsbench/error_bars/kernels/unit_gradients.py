@@ -7,9 +7,9 @@ from nsbench.dynamics.contacts.kernels.contact_arrays import PAIR, ROW, SMOOTH, 
 
 
 @inner_kernel
-def _distance(contacts, k, x, ends, with_gradient, v):
+def _distance(contacts, k, x, ends, v):
     """Return the gap of the distance k at x (n,), divided by the length of its gradient; fill v
-    with the entries of that gradient, scaled to length one."""
+    with the entries of that gradient, scaled to length one, or v (0,) with none."""
     p = contacts.p[k]
     q = contacts.q[k]
     dim = contacts.dim[k]
@@ -21,7 +21,7 @@ def _distance(contacts, k, x, ends, with_gradient, v):
     distance = np.sqrt(s)
     # the gradient of a distance of two particles has two unit vectors
     length = np.sqrt(2.0) if is_pair else 1.0
-    if with_gradient:
+    if len(v) > 0:
         scale = contacts.sign[k] / (distance * length) if distance > 0.0 else 0.0
         for c in range(dim):
             e = scale * (x[p + c] - (x[q + c] if is_pair else ends[q + c]))
@@ -67,10 +67,8 @@ def gaps_and_gradients(
                     if len(V) > 0:
                         V[s, k, e] = rows[k, e] / lengths[k]
                 g[s, k] = level / lengths[k]
-            elif len(V) > 0:
-                g[s, k] = _distance(contacts, k, x, ends, True, V[s, k])
             else:
-                g[s, k] = _distance(contacts, k, x, ends, False, none)
+                g[s, k] = _distance(contacts, k, x, ends, V[s, k] if len(V) > 0 else none)
 
 
 @inner_kernel
@@ -91,7 +89,7 @@ def _least_gap(contacts, columns, count, rows, lengths, ends, levels, powers, w,
                 gap += rows[k, e] * x[columns[k, e]]
             gap /= lengths[k]
         else:
-            gap = _distance(contacts, k, x, ends, False, none)
+            gap = _distance(contacts, k, x, ends, none)
         # a gap that is not a number closes at once
         if not gap >= least:
             least = gap
