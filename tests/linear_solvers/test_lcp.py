@@ -6,6 +6,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from nsbench.lcp import lemke
 from nsbench.lcp.gram_lcp import INFEASIBLE, OK, in_span, solve_lcp
 
 DEPENDENT = 1e-10
@@ -135,3 +136,38 @@ def test_dependent_rows_are_found():
 def test_a_zero_gradient_is_no_way_out():
     *_, code, bad, _ = solve(np.array([[1.0], [0.0]]), np.array([1.0, -1.0]))
     assert code == INFEASIBLE and bad == 1
+
+
+def by_lemke(M, r):
+    """Found, lam; there are too many rows to try all supports where Lemke's method gives up."""
+    m = len(r)
+    assert m > lemke.ENUMERATED_ROWS
+    lam = np.empty(m)
+    w = np.empty(m)
+    found, _ = lemke.solve(M, r, *lemke.scales(M), np.zeros(m, bool), lam, w)
+    return found, lam
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_many_rows_without_symmetry_are_solved_by_pivots_alone(seed):
+    """M is positive definite: there is one solution."""
+    rng = np.random.default_rng(seed)
+    m = 14
+    A, B = rng.normal(size=(2, m, m))
+    M = A @ A.T / m + 0.1 * np.eye(m) + B - B.T
+    r = rng.normal(size=m)
+    found, lam = by_lemke(M, r)
+    w = r + M @ lam
+    assert found and lam.min() >= 0.0
+    assert w.min() >= -1e-13 and np.abs(w * lam).max() <= 1e-13
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_of_rows_that_tie_the_artificial_one_leaves(turned):
+    """Else the pivots end on a ray, and the solution (1, 0, 0, ...) is missed."""
+    M = np.eye(12)
+    M[:2, :2] = [[2.0, -1.0], [1.0, -1.0]]
+    r = np.array([-2.0, -1.0] + 10 * [1.0])
+    way = -1 if turned else 1
+    found, lam = by_lemke(M[::way, ::way].copy(), r[::way].copy())
+    assert found and lam[::way] == pytest.approx([1.0] + 11 * [0.0], abs=1e-15)

@@ -7,6 +7,7 @@ from packings import ready, step
 from scipy.sparse import csr_array, vstack
 
 from nsbench.linalg import multifrontal
+from nsbench.linalg.nested_dissection import LARGEST_FRONT, LEAF
 from nsbench.linalg.sparse_ldl import lengths
 from nsbench.qp.kernels import active_set
 from nsbench.qp.kernels.interior_point import interior_point
@@ -51,6 +52,25 @@ def test_the_fronts_factor_the_dense_matrix_whatever_the_weights(n):
     K = np.eye(2 * n) + (G.T @ (weight[:, None] * G.toarray()))
     assert x == pytest.approx(np.linalg.solve(K, b), abs=1e-8)
     assert K @ x == pytest.approx(b, abs=1e-8)
+
+
+def test_a_chain_is_cut_into_small_fronts():
+    """A part of a chain that is not cut any more meets one coordinate on either side."""
+    n = 500
+    p = np.random.default_rng(3).permutation(n)
+    G = np.zeros((n - 1, n))
+    k = np.arange(n - 1)
+    G[k, p[:-1]] = 1.0
+    G[k, p[1:]] = -1.0
+    P, T, vals = ready(G)
+    assert np.array_equal(np.sort(T.order), np.arange(n))
+    assert np.diff(T.first).max() <= LEAF and T.sizes[LARGEST_FRONT] <= LEAF + 2
+    L, F, stack, work = multifrontal.workspace(T)
+    multifrontal.factor(T, P.ptr, vals, np.ones(n - 1), L, F, stack)
+    b = np.sin(np.arange(n))
+    x = np.empty(n)
+    multifrontal.solve(T, L, b, x, work)
+    assert x + G.T @ (G @ x) == pytest.approx(b, abs=1e-13)
 
 
 @pytest.mark.long
