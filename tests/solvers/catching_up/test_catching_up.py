@@ -109,6 +109,16 @@ def test_three_discs_converge_to_a_finer_run():
     assert order(steps, error) == pytest.approx(1.0, abs=0.15)
 
 
+def test_rounds_are_counted_once():
+    """Pushed onto a wall: the first step finds that it acts in two rounds, the others in one."""
+    push = lambda xp: lambda t, x: 0.0 * x - 1.0
+    problem = Complementarity(push, (Affine(np.eye(1), np.zeros(1)),))
+    case = Case("push", problem, np.zeros(1), np.linspace(0.0, 1.0, 3))
+    stats = nsbench.solve(case, "catching_up", h=0.1).stats
+    assert stats["qp_solves"] == stats["steps"] == 10
+    assert stats["inner_iterations"] == 11 and stats["rounds_worst"] == 2
+
+
 def test_the_nonlinear_projection_lies_in_the_set_and_is_stationary():
     case = nsbench.get_case("discs", n=6, seed=2)
     run = nsbench.solve(case, "catching_up[nonlinear=true]", h=0.02)

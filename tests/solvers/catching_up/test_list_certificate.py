@@ -5,6 +5,8 @@ import pytest
 
 import nsbench
 from nsbench import get_case
+from nsbench.dynamics.contacts.kernels.contact_arrays import PAIR, ListedContacts
+from nsbench.solvers.catching_up.kernels.candidates import gather
 from nsbench.solvers.catching_up.kernels.list_certificate import needed_skins, next_skin
 
 
@@ -59,6 +61,20 @@ def test_particles_that_are_drawn_together_need_little_skin():
     assert plain == pytest.approx(2.0 * np.linalg.norm(base - y, axis=1).max())
 
 
+@pytest.mark.parametrize("widest", [0, 1, 2])
+def test_the_widest_particle_of_any_family_counts(widest):
+    """Drawn together by s, a pair at contact needs the skin 2 r s / (1 - s), r the largest."""
+    rng = np.random.default_rng(2)
+    base = rng.uniform(-200.0, 200.0, size=(6, 2)).ravel()
+    y = base.copy()
+    y[6:] = 0.95 * base[6:]
+    radii = np.full(6, 0.1)
+    radii[3 + widest] = 0.5
+    hard = np.array([[0, 0, 3, 2], [1, 6, 3, 2]])
+    since, alone = needed_skins(base, base, y, hard, radii, 0.0)
+    assert since == alone == pytest.approx(2.0 * 0.5 * 0.05 / 0.95, rel=1e-6)
+
+
 def test_lists_outlive_their_step_until_they_are_long():
     assert next_skin.py_func(0.3, 0.01) == 0.3
     assert next_skin.py_func(0.3, 0.2) == pytest.approx(0.8)
@@ -74,3 +90,24 @@ def test_steps_over_lists_are_those_over_all_pairs(h):
     every = nsbench.solve(case, "catching_up[reach=1e3]", h=h)
     assert every.stats["contacts_peak"] == 435 > few.stats["contacts_peak"]
     assert np.abs(few.x - every.x).max() < 1e-11
+
+
+def test_near_pairs_of_two_families_are_listed_as_they_are():
+    """On a line of 4 particles in space and a plane of 100: more pairs than a list has at first."""
+    n = (4, 100)
+    dim = (3, 2)
+    rows = np.stack(np.divmod(np.arange(100), 10), 1)
+    x = np.concatenate((np.outer(np.arange(4.0), [1.0, 0.0, 0.0]).ravel(), rows.ravel()))
+    hard = np.array([[0, 0, 4, 3], [1, 12, 100, 2]])
+    radii = np.concatenate((np.full(4, 0.45), np.full(100, 0.4)))
+    none = ListedContacts(*(np.empty(0, np.int64),) * 6, *(np.empty(0),) * 2, np.empty(0, np.int64))
+    out, keys = gather(x, 0.25, none, hard, radii)
+    want = []
+    for f in range(2):
+        points = x[hard[f, 1] :][: n[f] * dim[f]].reshape(n[f], dim[f])
+        for i, j in zip(*np.triu_indices(n[f], 1), strict=True):
+            if np.linalg.norm(points[i] - points[j]) < 1.2:
+                at = hard[f, 1] + dim[f] * np.array([i, j])
+                want.append((PAIR, f, i, j, *at, 0.9 - 0.1 * f, 1.0, dim[f]))
+    assert len(want) == 3 + 180 == len(keys) and np.all(np.diff(keys) > 0)
+    np.testing.assert_allclose(np.transpose(out), want, rtol=1e-15)
