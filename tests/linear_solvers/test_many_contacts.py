@@ -86,6 +86,15 @@ def test_fronts_and_active_set_find_the_same_point(seed):
     assert active_set.residual(P, vals, q, exact, d0) < 1e-12
 
 
+def test_a_crystal_is_pressed_together_from_a_cold_start():
+    G, q = step(np.random.default_rng(0), 70, crystal=True)
+    P, _, vals = ready(G)
+    code, mu, d, left, _ = by_fronts(G, q, np.zeros(len(q)))
+    _, d0, found, _ = active_set.solve(P, vals, q, np.zeros(len(q)), 10.0)
+    assert code == 0 and found == active_set.SOLVED and left <= 1e-12
+    assert mu.min() >= 0.0 and d == pytest.approx(d0, abs=1e-10)
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("seed", range(5))
 def test_a_guess_changes_the_work_not_the_answer(seed):

@@ -325,3 +325,30 @@ def test_order_of_the_sweep_selects_the_multiplier_and_not_the_reaction():
         )
     level = [found[order, 128][0] for order in ("sorted", "random,seed=2", "random,seed=5")]
     assert level[0] < 1e-2 and abs(level[1] - 0.577) < 5e-3 and abs(level[2] - 1.155) < 5e-3
+
+
+def one_step(push, x0, dim, count, reach):
+    """State after one step of length 1 of particles with d = 1 by neighbour lists, as the last
+    coordinate is none of theirs."""
+    families = (Distance(1.0, dim=dim, count=count), Affine(np.eye(len(x0))[-1:], [5.0]))
+    drift = lambda xp: lambda t, x: push + 0.0 * x
+    case = Case("p", Complementarity(drift, families), x0, np.array([0.0, 1.0]), start="keep")
+    return nsbench.solve(case, f"pbd[reach={reach}]", h=1.0)
+
+
+def test_a_new_list_within_a_sweep_is_not_begun_anew():
+    """Parting 0 and 3 puts 0 onto 1 and 2, whose turns with 0 are over in this sweep."""
+    x0 = np.array([0.0, 0.0, -0.9, 0.6, -0.9, -0.6, 0.2, 0.0, 0.0])
+    traj = one_step(np.zeros(9), x0, 2, 4, 0.1)
+    want = x0.copy()
+    want[[0, 6]] = -0.4, 0.6
+    assert traj.stats["rebuilds"] == 2 and traj.stats["projections"] == 1
+    np.testing.assert_allclose(traj.x[-1], want, rtol=0.0, atol=1e-15)
+
+
+def test_the_second_particle_of_a_pair_is_watched_too():
+    """Drift and projection together take 1 beyond half the skin 0.2, and onto 2, not 0."""
+    x0 = np.array([0.0, 0.85, 2.055, 0.0])
+    traj = one_step(np.array([0.0, 0.09, -0.09, 0.0]), x0, 1, 3, 0.4)
+    assert traj.stats["rebuilds"] == 2 and traj.stats["projections"] == 2
+    np.testing.assert_allclose(traj.x[-1], [-0.03, 0.9675, 1.9675, 0.0], rtol=0.0, atol=1e-15)
