@@ -97,3 +97,18 @@ def test_at_rest_in_the_point_the_weights_are_one_half():
     np.testing.assert_allclose(
         np.diff(traj.impulse[gone], axis=0) / np.diff(case.t)[0], 0.5, atol=1e-12
     )
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("ratio", [0.5, 0.93, 1.0, 1.1])
+def test_the_compiled_loop_tells_accumulating_events_as_the_loop_in_python_does(scale, ratio):
+    """Intervals that shrink by `ratio` after each event, in a run of length `scale`."""
+    from nsbench.solvers.event_driven.accumulation import WINDOW, accumulation
+    from nsbench.solvers.event_driven.filippov.kernels.mode_change import events_accumulate
+
+    told = []
+    for first in scale * 10.0 ** np.arange(-12.0, 1.0):
+        times = np.concatenate(([0.0], np.cumsum(first * ratio ** np.arange(2.0 * WINDOW))))
+        told.append(accumulation(times, scale) is not None)
+        assert events_accumulate.py_func(times, len(times), scale) == told[-1], first
+    assert any(told) == (ratio**WINDOW < 0.9) and not all(told)
