@@ -117,3 +117,15 @@ def test_dependent_surfaces_that_leave_the_velocity_open_are_told():
         (Filippov.signs(field, drift(lambda xp, t, x: xp.stack((x[0], x[0])))), (0.0, 0.0), 1.0)
     )
     assert traj.status.code == "degenerate"
+
+
+@pytest.mark.parametrize("decay", [125.0, 150.0])
+def test_a_switch_may_shrink_until_the_square_of_its_gradient_is_zero(decay):
+    """c = exp(-decay t) (x - 10 sin t): the motion slides on x = 10 sin t, whatever the factor."""
+    push = lambda v: lambda xp: lambda t, x: xp.array([v + 0.0 * t])
+    switch = lambda xp: lambda t, x: xp.exp(-decay * t) * (x - 10.0 * xp.sin(t))
+    problem = Filippov({(1,): push(-20.0), (-1,): push(20.0)}, switch)
+    t = np.array([0.0, 1.0, 2.0, np.pi, 3.2])
+    traj = solve(Case("s", problem, np.ones(1), t), "event_driven")
+    assert traj.status.ok
+    np.testing.assert_allclose(traj.x[1:, 0], 10.0 * np.sin(t[1:]), rtol=0.0, atol=1e-13)

@@ -111,6 +111,21 @@ def test_a_contact_that_closes_at_the_very_end_is_no_failure(method):
     assert traj.status.ok and abs(traj.x[-1, 0]) < 1e-14
 
 
+@pytest.mark.parametrize("c", [3.0, 4.0, 5.0])
+def test_a_push_that_begins_within_the_tolerance_holds_no_longer_than_that(c):
+    """x_2' = (t - c) / 1000 comes to its wall with a push of 0.004, which falls; x_1 was held by
+    larger ones. No multiplier is below -tol |f|, and |f| <= 1 / 2: it lets go by c + 5."""
+    rate = 1e-3
+    drift = lambda xp: lambda t, x: xp.array([0.5 * xp.sin(1.4 * t) + 0.0 * x[0], rate * (t - c)])
+    free = lambda t: 0.5 * rate * (t - c) ** 2
+    x0 = np.array([0.3, free(-10.0) - 0.5 * rate * 4.0**2])
+    problem = Complementarity(drift, (Affine(np.eye(2), np.zeros(2)),))
+    case = Case("p", problem, x0, np.linspace(-10.0, 15.0, 6))
+    traj = solve(case, "event_driven", tol=1e-2)
+    assert traj.stats["loop"] == "compiled" and traj.status.ok
+    assert -1e-12 <= free(15.0) - traj.x[-1, 1] <= free(c + 5.0) + 1e-12
+
+
 def test_parts_of_the_state_are_what_operations_couple():
     def drift(xp):
         return lambda t, x: xp.array(
