@@ -9,6 +9,7 @@ import math
 HUNDREDTH = "a constant moved by a hundredth: not looked at one by one"
 SIZE = "a limit on what is read at once or at all: any of its size serves"
 WORKERS = "how many workers share the runs, which have the same bits with any number"
+PHASE_2 = "when and how projected Newton ends: the dual method goes on from there to the solution"
 ALWAYS_MORE = "what is counted there is always more than that"
 
 # file: {line -> what stands there instead: reason}
@@ -44,6 +45,13 @@ _BY_FILE = {
     "lcp/lemke.py": {
         "close = abs(a - b) <= 1e-13 * (abs(a) + abs(b)) -> <": "no two floats are so far apart",
     },
+    "dynamics/contacts/kernels/cell_list.py": {
+        "while f > row and pj[f - 1] > j: -> >=": "a partner of a particle comes once",
+    },
+    "qp/kernels/active_set.py": {
+        "near = 0.0 -> 1.01": PHASE_2,
+        "near = max(near, abs(min(mu[k] * norm[k], w[k] / norm[k]))) -> k + 1": PHASE_2,
+    },
     "qp/kernels/interior_point.py": {
         "gap = 0.0 -> 1.01": "how far to centre: another way to the same solution",
     },
@@ -52,6 +60,24 @@ _BY_FILE = {
     },
     "solvers/catching_up/kernels/loop.py": {
         "reached = t[K - 1] -> 2": "every step writes it before it is read",
+    },
+    "solvers/event_driven/contacts/kernels/active_set_change.py": {
+        "visible = UNCERTAINTY * settings.strict * floats.drift_size[0] -> 0 + 1": (
+            "a multiplier that has crossed zero falls, visibly or not: its contact leaves by the "
+            "loop, or by the choice of the driver"
+        ),
+    },
+    "solvers/event_driven/contacts/kernels/held_set.py": {
+        "return sign[k] * s, size * (2.0 if kind[k] == PAIR else 1.0) -> k + 1": (
+            "of the kind: a factor of two in bounds with a margin of a hundred; of the sign: what "
+            "enters in vain is left to the driver, what is missed fires within its band"
+        ),
+    },
+    "solvers/pbd/kernels/listed_loop.py": {
+        "return LoopResult(X, R, ids[:count], values[:count], work, code, t[K - 1], -1, -1) -> 2": (
+            "no status names the time of a run that came to its end, and any negative number says "
+            "that there are no lists"
+        ),
     },
     "measure/orders/corrected_power_law.py": {
         "u, n = u - u.max(), len(u) -> +": (
