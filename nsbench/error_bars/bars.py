@@ -95,7 +95,7 @@ class Leg:
         rate = pushed(drift, self.rows, at, self.x, self.q, delta)
         new = tangential(self.face, self.t + self.H, self.end, grown(self.H, rate, delta))
         middle = 0.5 * (delta + new)
-        if not np.any(middle):
+        if not size(middle) > 0.0:
             return new, middle
         return new, self.H * drifted(drift, at, self.x, middle)
 

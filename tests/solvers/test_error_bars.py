@@ -10,6 +10,8 @@ import nsbench
 from nsbench import Affine, Case, Complementarity, Distance, get_case
 from nsbench.cli import main
 from nsbench.dynamics.contacts.constraint_set import ConstraintSet
+from nsbench.error_bars.bars import Leg
+from nsbench.error_bars.contact_rows import ContactRows
 from nsbench.error_bars.drift import Drift
 from nsbench.error_bars.local_solution import local_solution
 from nsbench.error_bars.shadow import Shadow
@@ -326,3 +328,13 @@ def test_a_contact_that_closes_is_found_however_large_the_scene_is():
     found = local_solution(shadow, 0.0, 2.0, x0, end)
     assert found.is_complete
     assert np.abs(found.state - end).max() < 1e-10
+
+
+def test_an_error_whose_square_underflows_is_carried_on_as_it_is():
+    walls = Complementarity(lambda xp: lambda t, x: -x, (Affine(np.eye(1), np.zeros(1)),))
+    none = ContactRows(ConstraintSet(walls, 1), ())
+    leg = Leg(0.0, 1.0, none, np.ones(1), np.empty(0), none, np.ones(1))
+    tiny = np.array([1e-170])
+    new, pulled = leg.carried(Drift(walls.drift, 1), tiny)
+    assert np.array_equal(new, tiny)
+    assert not pulled.any()
