@@ -1,10 +1,10 @@
 """Local solution of the constrained motion over an interval in which contacts close or open.
 
 From a feasible state the motion goes on with the velocity that is the drift's projection on the
-cone of velocities which violate nothing (Moreau), until a gap closes or a multiplier vanishes. These
-times are found by bisection and by Brent's method. In between it is smooth: a piece is a cubic Hermite polynomial
-through one step of the classical Runge-Kutta method. An interval is divided into more pieces until
-their residual counts no longer beside the run's own error.
+cone of velocities which violate nothing (Moreau), until a gap closes or a multiplier vanishes. The
+times are found by bisection and by Brent's method. In between it is smooth: a piece is a cubic
+Hermite polynomial through one step of the classical Runge-Kutta method. An interval is divided into
+more pieces until their residual counts no longer beside the run's own error.
 """
 
 from __future__ import annotations
