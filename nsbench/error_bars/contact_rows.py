@@ -6,12 +6,16 @@ import copy
 import math
 from collections.abc import Sequence
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from nsbench.dynamics.contacts.candidates import ANCHOR, PAIR, ROW, SMOOTH, CandidateContacts
 from nsbench.dynamics.contacts.constraint_set import ConstraintSet, near_of
 from nsbench.error_bars.unit_gradients import UnitGradients, for_kernel
+
+if TYPE_CHECKING:
+    from nsbench.error_bars.kernels.unit_gradients import ContactEntries
 
 ROUNDING = 1e-14  # of the state: steps that end an iteration
 TIME_STEP = 2.0**-20  # of own time, for the rate at which a moving constraint moves
@@ -58,7 +62,7 @@ class ContactRows:
         some._columns = np.ascontiguousarray(self._columns[index, :width])
         some._rows = np.ascontiguousarray(self._rows[index, :width])
         some._lengths = self._lengths[index]
-        for name in ("is_straight", "_kernel_arrays", "_families", "_constant"):
+        for name in ("is_straight", "_in_kernels", "_families", "_constant"):
             some.__dict__.pop(name, None)
         return some
 
@@ -70,8 +74,11 @@ class ContactRows:
         return [(self.scene.smooth(int(s)), sel) for s, sel in sorted(found, key=lambda f: f[0])]
 
     @cached_property
-    def _kernel_arrays(self) -> tuple:
-        return self.near.contacts, self._columns, self._count, self._rows, self._lengths
+    def _in_kernels(self) -> ContactEntries:
+        from nsbench.error_bars.kernels.unit_gradients import ContactEntries
+
+        arrays = self._columns, self._count, self._rows, self._lengths
+        return ContactEntries(self.near.contacts, *arrays)
 
     def _moving_data(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return anchors (K, a) and constants of rows (K, rows) at the times t; once where they do
@@ -93,7 +100,7 @@ class ContactRows:
         g = np.empty((len(X), self.m))
         V = np.zeros((states, *self._columns.shape))
         X = for_kernel(X)
-        gaps_and_gradients(*self._kernel_arrays, *self._moving_data(t), X, g, V)
+        gaps_and_gradients(self._in_kernels, *self._moving_data(t), X, g, V)
         for fam, sel in self._families:
             for k, (s, x) in enumerate(zip(t, X, strict=True)):
                 rows = fam.gradient(float(s), x)[self.near.p[sel]]
@@ -136,8 +143,7 @@ class ContactRows:
         2^-bits; infinity where none is closed at the places `looks`. See kernels.unit_gradients."""
         from nsbench.error_bars.kernels.unit_gradients import first_closing
 
-        data = *self._kernel_arrays, *self._still
-        return first_closing(*data, powers, looks, closed, bits)
+        return first_closing(self._in_kernels, *self._still, powers, looks, closed, bits)
 
     def constant_gradients(self, t: float, x: np.ndarray) -> np.ndarray:
         """Return (m, n) the gradients of flat faces, which are those at any state.

@@ -1,9 +1,39 @@
 """Gaps and unit gradients of contacts at many states, and the first gap that closes on a cubic."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from nsbench.compilation.decorators import inner_kernel, njit
 from nsbench.dynamics.contacts.kernels.contact_arrays import PAIR, ROW, SMOOTH, Contacts
+
+
+class ContactEntries(NamedTuple):
+    """Contacts, m of them, with the entries of their gradients.
+
+    columns (m, w), count (m,): coordinates of the entries. rows (m, w), lengths (m,): entries and
+    lengths of the gradients of affine rows.
+    """
+
+    contacts: Contacts
+    columns: np.ndarray
+    count: np.ndarray
+    rows: np.ndarray
+    lengths: np.ndarray
+
+
+@inner_kernel
+def _gap(entries, k, x, anchors, b, v):
+    """Return the gap of contact k at x (n,), divided by the length of its gradient; fill v with the
+    entries of that gradient, scaled to length one, or v (0,) with none."""
+    if entries.contacts.kind[k] != ROW:
+        return _distance(entries.contacts, k, x, anchors, v)
+    level = b[entries.contacts.p[k]]
+    for e in range(entries.count[k]):
+        level += entries.rows[k, e] * x[entries.columns[k, e]]
+        if len(v) > 0:
+            v[e] = entries.rows[k, e] / entries.lengths[k]
+    return level / entries.lengths[k]
 
 
 @inner_kernel
@@ -33,11 +63,7 @@ def _distance(contacts, k, x, ends, v):
 
 @njit(cache=True, error_model="numpy")
 def gaps_and_gradients(
-    contacts: Contacts,
-    columns: np.ndarray,
-    count: np.ndarray,
-    rows: np.ndarray,
-    lengths: np.ndarray,
+    entries: ContactEntries,
     anchors: np.ndarray,
     b: np.ndarray,
     X: np.ndarray,
@@ -46,33 +72,21 @@ def gaps_and_gradients(
 ) -> None:
     """Fill g (K, m) with gaps and V (K, m, w) with gradients, both scaled to gradients of length 1.
 
-    contacts: m of them. columns (m, w), count (m,): coordinates of the entries of their gradients.
-    rows (m, w), lengths (m,): entries and lengths of the gradients of affine rows. anchors (K, a),
-    b (K, rows): as in Layout at the K times, or once where they do not move. X (K, n): states.
-    V (0, m, w) asks for no gradients. What belongs to Smooth constraints is left as it is.
+    anchors (K, a), b (K, rows): as in Layout at the K times, or once where they do not move. X
+    (K, n): states. V (0, m, w) asks for no gradients. What belongs to Smooth constraints is left as
+    it is.
     """
     none = np.empty(0)
     for s in range(len(X)):
-        x = X[s]
         ends = anchors[s if len(anchors) > 1 else 0]
         levels = b[s if len(b) > 1 else 0]
-        for k in range(len(columns)):
-            kind = contacts.kind[k]
-            if kind == SMOOTH:
-                continue
-            if kind == ROW:
-                level = levels[contacts.p[k]]
-                for e in range(count[k]):
-                    level += rows[k, e] * x[columns[k, e]]
-                    if len(V) > 0:
-                        V[s, k, e] = rows[k, e] / lengths[k]
-                g[s, k] = level / lengths[k]
-            else:
-                g[s, k] = _distance(contacts, k, x, ends, V[s, k] if len(V) > 0 else none)
+        for k in range(len(entries.count)):
+            if entries.contacts.kind[k] != SMOOTH:
+                g[s, k] = _gap(entries, k, X[s], ends, levels, V[s, k] if len(V) > 0 else none)
 
 
 @inner_kernel
-def _least_gap(contacts, columns, count, rows, lengths, ends, levels, powers, w, x):
+def _least_gap(entries, anchors, b, powers, w, x):
     """Return the least gap at the state that the cubic with the coefficients powers (4, n) has at
     w, which fills x (n,)."""
     none = np.empty(0)
@@ -82,14 +96,8 @@ def _least_gap(contacts, columns, count, rows, lengths, ends, levels, powers, w,
         for c in range(len(x)):
             x[c] = powers[p, c] + w * x[c]
     least = np.inf
-    for k in range(len(columns)):
-        if contacts.kind[k] == ROW:
-            gap = levels[contacts.p[k]]
-            for e in range(count[k]):
-                gap += rows[k, e] * x[columns[k, e]]
-            gap /= lengths[k]
-        else:
-            gap = _distance(contacts, k, x, ends, none)
+    for k in range(len(entries.count)):
+        gap = _gap(entries, k, x, anchors, b, none)
         # a gap that is not a number closes at once
         if not gap >= least:
             least = gap
@@ -98,11 +106,7 @@ def _least_gap(contacts, columns, count, rows, lengths, ends, levels, powers, w,
 
 @njit(cache=True, error_model="numpy")
 def first_closing(
-    contacts: Contacts,
-    columns: np.ndarray,
-    count: np.ndarray,
-    rows: np.ndarray,
-    lengths: np.ndarray,
+    entries: ContactEntries,
     anchors: np.ndarray,
     b: np.ndarray,
     powers: np.ndarray,
@@ -114,18 +118,17 @@ def first_closing(
     ascending places looks (k,) with a negative one; infinity where none has.
 
     powers (4, n): coefficients of the cubic. Bisection to looks / 2^bits; at the place that is
-    returned the least gap is below `closed`. The other arrays as in gaps_and_gradients, of
-    constraints that rest; no Smooth ones.
+    returned the least gap is below `closed`. anchors (1, a), b (1, rows): of constraints that rest;
+    no contact is one of a Smooth constraint.
     """
     x = np.empty(powers.shape[1])
-    arrays = columns, count, rows, lengths, anchors[0], b[0], powers
     for look in looks:
-        if not _least_gap(contacts, *arrays, look, x) >= 0.0:
+        if not _least_gap(entries, anchors[0], b[0], powers, look, x) >= 0.0:
             low = 0.0
             high = look
             for _ in range(bits):
                 middle = 0.5 * (low + high)
-                if _least_gap(contacts, *arrays, middle, x) >= closed:
+                if _least_gap(entries, anchors[0], b[0], powers, middle, x) >= closed:
                     low = middle
                 else:
                     high = middle
