@@ -15,9 +15,10 @@ from nsbench.dynamics.contacts.constraint_set import ConstraintSet, near_of
 from nsbench.error_bars.unit_gradients import UnitGradients, for_kernel
 
 if TYPE_CHECKING:
-    from nsbench.error_bars.kernels.unit_gradients import ContactEntries
+    from nsbench.error_bars.kernels.unit_gradients import Constraints
 
 ROUNDING = 1e-14  # of the state: steps that end an iteration
+NO_GRADIENTS = np.empty((0, 0, 0))
 TIME_STEP = 2.0**-20  # of own time, for the rate at which a moving constraint moves
 
 
@@ -34,8 +35,6 @@ class ContactRows:
         self.scene = scene
         self.ids = tuple(ids)
         self.near = near_of(scene, ids) if near is None else near
-        self._columns, self._count, self._rows = _entries(scene, self.near)
-        self._lengths = np.sqrt((self._rows * self._rows).sum(axis=1))
 
     @property
     def m(self) -> int:
@@ -57,12 +56,7 @@ class ContactRows:
         some = copy.copy(self)
         some.ids = tuple([self.ids[k] for k in index])
         some.near = self.near.take(index)
-        some._count = self._count[index]
-        width = int(some._count.max(initial=1))
-        some._columns = np.ascontiguousarray(self._columns[index, :width])
-        some._rows = np.ascontiguousarray(self._rows[index, :width])
-        some._lengths = self._lengths[index]
-        for name in ("is_straight", "_in_kernels", "_families", "_constant"):
+        for name in ("is_straight", "_in_kernels", "_families", "_columns", "_constant"):
             some.__dict__.pop(name, None)
         return some
 
@@ -74,11 +68,18 @@ class ContactRows:
         return [(self.scene.smooth(int(s)), sel) for s, sel in sorted(found, key=lambda f: f[0])]
 
     @cached_property
-    def _in_kernels(self) -> ContactEntries:
-        from nsbench.error_bars.kernels.unit_gradients import ContactEntries
+    def _in_kernels(self) -> Constraints:
+        from nsbench.error_bars.kernels.unit_gradients import Constraints
 
-        arrays = self._columns, self._count, self._rows, self._lengths
-        return ContactEntries(self.near.contacts, *arrays)
+        scene = self.scene
+        return Constraints(
+            self.near.contacts, scene.ptr, scene.cols, scene.vals, scene.row_lengths
+        )
+
+    @cached_property
+    def _columns(self) -> tuple[np.ndarray, np.ndarray]:
+        """Columns (m, w) and counts (m,) of the entries of gradients."""
+        return _columns(self.scene, self.near)
 
     def _moving_data(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return anchors (K, a) and constants of rows (K, rows) at the times t; once where they do
@@ -98,7 +99,7 @@ class ContactRows:
         from nsbench.error_bars.kernels.unit_gradients import gaps_and_gradients
 
         g = np.empty((len(X), self.m))
-        V = np.zeros((states, *self._columns.shape))
+        V = np.zeros((states, *self._columns[0].shape)) if states else NO_GRADIENTS
         X = for_kernel(X)
         gaps_and_gradients(self._in_kernels, *self._moving_data(t), X, g, V)
         for fam, sel in self._families:
@@ -107,7 +108,7 @@ class ContactRows:
                 lengths = np.linalg.norm(rows, axis=1)
                 g[k, sel] = fam.g(float(s), x)[self.near.p[sel]] / lengths
                 if states:
-                    V[k, sel] = rows / lengths[:, None]
+                    V[k, sel, : X.shape[1]] = rows / lengths[:, None]
         return g, V
 
     def gaps(self, t: np.ndarray, X: np.ndarray) -> np.ndarray:
@@ -116,8 +117,8 @@ class ContactRows:
 
     @cached_property
     def _constant(self) -> UnitGradients:
-        values = self._rows / self._lengths[:, None]
-        return UnitGradients(self._columns, self._count, values[None], self.scene.n)
+        _, V = self._evaluate(np.zeros(1), np.zeros((1, self.scene.n)), 1)
+        return UnitGradients(*self._columns, V, self.scene.n)
 
     def gradients(self, t: np.ndarray, X: np.ndarray) -> UnitGradients:
         """Return the gradients at K states, scaled to length one."""
@@ -129,7 +130,7 @@ class ContactRows:
         if self.is_straight:
             return self.gaps(t, X), self._constant
         g, V = self._evaluate(t, X, len(X))
-        return g, UnitGradients(self._columns, self._count, V, X.shape[1])
+        return g, UnitGradients(*self._columns, V, X.shape[1])
 
     @property
     def can_be_searched(self) -> bool:
@@ -176,32 +177,24 @@ class ContactRows:
         return X
 
 
-def _entries(
-    scene: ConstraintSet, near: CandidateContacts
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return columns (m, w) and counts (m,) of the entries of gradients, and their values (m, w) in
-    affine rows."""
-    m = len(near)
+def _columns(scene: ConstraintSet, near: CandidateContacts) -> tuple[np.ndarray, np.ndarray]:
+    """Return columns (m, w) and counts (m,) of the entries of gradients."""
     is_distance = (near.kind == PAIR) | (near.kind == ANCHOR)
-    count = np.where(near.kind == PAIR, 2 * near.dim, near.dim)
+    count = np.where(near.kind == PAIR, 2 * near.dim, near.dim).astype(np.int64)
     count[near.kind == SMOOTH] = scene.n
-    dense = {}
-    for k in np.flatnonzero(near.kind == ROW):
-        at = slice(scene.ptr[near.p[k]], scene.ptr[near.p[k] + 1])
-        dense[k] = np.bincount(scene.cols[at], scene.vals[at], scene.n)
-        count[k] = np.count_nonzero(dense[k])
-    columns = np.zeros((m, max(1, int(count.max(initial=1)))), np.int64)
-    values = np.zeros(columns.shape)
+    rows = np.flatnonzero(near.kind == ROW)
+    count[rows] = scene.ptr[near.p[rows] + 1] - scene.ptr[near.p[rows]]
+    columns = np.zeros((len(near), max(1, int(count.max(initial=1)))), np.int64)
     for dim in set(near.dim[is_distance].tolist()):
         of_dim = np.flatnonzero(is_distance & (near.dim == dim))
         columns[of_dim, :dim] = near.p[of_dim, None] + np.arange(dim)
         if (pairs := of_dim[near.kind[of_dim] == PAIR]).size:
             columns[pairs, dim : 2 * dim] = near.q[pairs, None] + np.arange(dim)
-    columns[near.kind == SMOOTH] = np.arange(columns.shape[1])
-    for k, row in dense.items():
-        columns[k, : count[k]] = np.flatnonzero(row)
-        values[k, : count[k]] = row[columns[k, : count[k]]]
-    return columns, count.astype(np.int64), values
+    for k in np.flatnonzero(near.kind == SMOOTH):
+        columns[k, : scene.n] = np.arange(scene.n)
+    for k in rows:
+        columns[k, : count[k]] = scene.cols[scene.ptr[near.p[k]] : scene.ptr[near.p[k] + 1]]
+    return columns, count
 
 
 def size(v: np.ndarray) -> float:

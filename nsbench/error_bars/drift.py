@@ -11,26 +11,31 @@ from nsbench.error_bars.unit_gradients import for_kernel
 
 
 class Drift:
-    """The drift f(t, x) of ``drift(xp) -> (t, x)`` in n coordinates, at one state or at many.
+    """The drift (T / L) f(t0 + T t, L x) at one state or at many, of ``drift(xp) -> (t, x)``.
 
-    is_compiled: could numba compile it?
+    n: coordinates. origin, time, length: t0, T and L, of units in which the drift is not written.
+    It is compiled as the user wrote it, as for the runs of the case, and scaled where it is
+    evaluated: one compilation serves both. is_compiled: could numba compile it?
     """
 
-    def __init__(self, drift: Callable, n: int):
+    def __init__(
+        self, drift: Callable, n: int, origin: float = 0.0, time: float = 1.0, length: float = 1.0
+    ):
+        self._units = origin, time, length
         try:
             self._pointer = rhs_cfunc(drift, n)
         except CompileError:
             self._in_numpy = as_numpy(drift)
             self.is_compiled = False
             return
-        self.is_compiled = True
         from numba import float64, typeof
 
         from nsbench.error_bars.kernels.drift_values import drift_values
 
         # the compiled kernel itself: numba's dispatcher takes longer over a pointer than the drift
-        states = float64[:, ::1]
-        self._values = drift_values.compile((typeof(self._pointer), float64[::1], states, states))
+        given = typeof(self._pointer), *(float64,) * 3, float64[::1], *(float64[:, ::1],) * 2
+        self._values = drift_values.compile(given)
+        self.is_compiled = True
 
     def __call__(self, t: float, x: np.ndarray) -> np.ndarray:
         """Return f(t, x) (n,) at one state."""
@@ -40,8 +45,11 @@ class Drift:
         """Return (K, n) the drift at the times t (K,) and states X (K, n)."""
         out = np.empty(X.shape)
         if self.is_compiled:
-            self._values(self._pointer, np.ascontiguousarray(t, float), for_kernel(X), out)
+            times = np.ascontiguousarray(t, float)
+            self._values(self._pointer, *self._units, times, for_kernel(X), out)
             return out
+        origin, time, length = self._units
         for k, (s, x) in enumerate(zip(t, X, strict=True)):
-            out[k] = np.ravel(self._in_numpy(float(s), x))
+            out[k] = np.ravel(self._in_numpy(origin + time * float(s), length * x))
+        out *= time / length
         return out

@@ -131,7 +131,7 @@ def _computed(case: Case, traj: Trajectory) -> Bars:
         # matrices are small: threads of BLAS would cost ten times what they compute
         one_thread = _thread_pools().limit(limits=1, user_api="blas")
         with np.errstate(all="ignore"), own.in_user_units(), one_thread:
-            found = _in_own_units(own.case, own.scaled(traj))
+            found = _in_own_units(case, own, own.scaled(traj))
     except Exception as e:  # a drift may raise anything at a state near those of the run
         return Bars.none(traj.t, f"They could not be computed: {type(e).__name__}: {e}")
     return restored_bars(found, traj.t, own)
@@ -199,15 +199,17 @@ def is_convex(problem: Complementarity) -> bool:
     )
 
 
-def _in_own_units(case: Case, traj: Trajectory) -> Bars:
+def _in_own_units(given: Case, own: ScaledCase, traj: Trajectory) -> Bars:
     from nsbench.dynamics.contacts.constraint_set import ConstraintSet
     from nsbench.error_bars.bars import Path
     from nsbench.error_bars.drift import Drift
 
+    case = own.case
     nodes = _nodes(traj)
     proven = is_convex(case.problem)
     scene = ConstraintSet(case.problem, case.n)
-    path = Path(scene, Drift(case.problem.drift, case.n), nodes, gives_up=not proven)
+    drift = Drift(given.problem.drift, case.n, own.origin, own.time, own.length)
+    path = Path(scene, drift, nodes, gives_up=not proven)
     passed = proven and path.has_passed()
     proven = proven and not passed
     at = np.searchsorted(nodes.t, traj.t)

@@ -21,6 +21,7 @@ OUTSIDE = 1e3 * CLOSED  # a state that violates no constraint by more counts as 
 PULL = 1e-6  # of own speed: less of a pull at an end of an arc is part of its residual
 NEWTON = 6  # Gauss-Newton steps onto a curved face
 SKIN = 2.0  # times the reach: as far as pairs are listed
+LONG = 8.0  # times the reach: a list that holds far more than what is asked for is made anew
 MOST_ROWS = 2_000  # constraints that are all looked at
 REPAIRS = 20  # rounds in which violated constraints are closed as well
 PLACES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of an arc, where its residual is computed
@@ -83,10 +84,12 @@ class Shadow:
         if self.is_flat:
             return self.all_rows()
         # the gap of a pair changes by at most sqrt(2) times what the state moves
-        if self._list is None or not reach + 2.0 * size(y - self._list[0]) <= self._list[1]:
-            listed = SKIN * reach
-            near = self.scene.near(y, listed)
-            self._list = y, listed, ContactRows(self.scene, near.ids, near)
+        if self._list is not None:
+            at, listed, rows = self._list
+            if reach + 2.0 * size(y - at) <= listed <= LONG * reach:
+                return rows
+        near = self.scene.near(y, SKIN * reach)
+        self._list = y, SKIN * reach, ContactRows(self.scene, near.ids, near)
         return self._list[2]
 
     def fields(self, t: np.ndarray, X: np.ndarray) -> np.ndarray:

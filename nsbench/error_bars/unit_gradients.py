@@ -44,7 +44,8 @@ class UnitGradients:
         """Return (K, m, n) the gradients as dense matrices."""
         N = np.zeros((*self.values.shape[:2], self.n))
         for k, c in enumerate(self.count):
-            N[:, k, self.columns[k, :c]] = self.values[:, k, :c]
+            for e in range(c):  # a column may be listed twice
+                N[:, k, self.columns[k, e]] += self.values[:, k, e]
         return N
 
     def times(self, d: np.ndarray) -> np.ndarray:

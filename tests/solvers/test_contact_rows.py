@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.sparse import csr_array
 
 import nsbench
 from nsbench import Affine, Complementarity, Distance, Smooth
@@ -22,10 +23,11 @@ def _ring(xp):
     return lambda t, x: xp.array([x[0] ** 2 + x[1] ** 2 - 1.0 + t, x[2] - 3.0 * x[3]])
 
 
+WIDE = np.array([[2.0, 0.0, -1.0, 0.0, 0.0, 3.0], [0.0, 5.0, 0.0, 0.0, 0.0, 0.0]])
 MIXED = Complementarity(
     _at_rest,
     (
-        Affine(np.array([[2.0, 0.0, -1.0, 0.0, 0.0, 3.0], [0.0, 5.0, 0.0, 0.0, 0.0, 0.0]]), b=np.ones(2)),
+        Affine(WIDE, b=np.ones(2)),
         Distance(0.5),
         Distance(2.0, pairs=np.array([[0, 2]]), sign=-1),
         Distance(0.3, anchors=np.array([[1.0, 1.0], [4.0, -2.0]])),
@@ -71,6 +73,16 @@ def test_rows_that_are_taken_are_those_of_all():
         )
 
 
+def test_a_row_that_lists_a_coordinate_twice_is_its_sum():
+    twice = csr_array(([1.0, 3.0, 3.0], [0, 0, 1], [0, 3]), shape=(1, 2))
+    scene = ConstraintSet(Complementarity(_at_rest, (Affine(twice, b=np.zeros(1)),)), 2)
+    rows = ContactRows(scene, [(0, 0)])
+    gaps, N = rows.gaps_and_gradients(np.zeros(1), np.array([[5.0, 10.0]]))
+    assert gaps[0, 0] == pytest.approx(10.0)
+    assert np.allclose(N.dense()[0, 0], [0.8, 0.6])
+    assert np.allclose(N.multipliers(np.ones((1, 1))), 1.0, rtol=1e-9)
+
+
 def test_the_first_gap_that_closes_on_a_cubic_is_found():
     """x = 1 - 2 w and y = 1 - 8 w^3 reach the walls x >= 0.25 and y >= 0.5 at w = 0.375 and at the
     cube root of 1/16."""
@@ -103,6 +115,7 @@ def test_no_pair_that_comes_near_is_missed_between_two_listings():
         listed.add(id(rows))
         assert set(scene.near(y, 0.5).ids) <= set(rows.ids)
     assert 1 < len(listed) < 100
+    assert shadow.near_rows(y, 0.01).m < rows.m
 
 
 def test_a_drift_that_numba_cannot_compile_has_the_same_values():
@@ -114,12 +127,15 @@ def test_a_drift_that_numba_cannot_compile_has_the_same_values():
 
     t = np.linspace(0.0, 1.0, 4)
     X = np.arange(12.0).reshape(4, 3)
-    compiled = Drift(drift, 3)
-    plain = Drift(in_python, 3)
+    units = 0.25, 8.0, 0.5
+    compiled = Drift(drift, 3, *units)
+    plain = Drift(in_python, 3, *units)
     assert compiled.is_compiled
     assert not plain.is_compiled
     assert np.allclose(compiled.at(t, X), plain.at(t, X), rtol=1e-14)
     assert np.array_equal(compiled(t[1], X[1]), compiled.at(t, X)[1])
+    exact = 16.0 * drift(np)(0.25 + 8.0 * t[:, None], 0.5 * X)
+    assert np.allclose(compiled.at(t, X), exact, rtol=1e-14)
 
 
 def _normals(rng, states: int, particles: int, contacts: int) -> np.ndarray:

@@ -88,6 +88,16 @@ class ConstraintSet:
             for k, c, m in self.hard
         }
 
+    @functools.cached_property
+    def row_lengths(self) -> np.ndarray:
+        """Return (rows,) the lengths of the gradients of all affine rows."""
+        from scipy.sparse import csr_array
+
+        # a column that is listed twice counts once, with the sum
+        rows = csr_array((self.vals, self.cols, self.ptr), shape=(len(self.inv2), self.n)).copy()
+        rows.sum_duplicates()
+        return np.sqrt(np.asarray(rows.multiply(rows).sum(axis=1), float).ravel())
+
     def b(self, t: float) -> np.ndarray:
         """Return (rows,) the right-hand sides of all affine rows at time t."""
         return (

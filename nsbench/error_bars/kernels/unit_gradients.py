@@ -8,32 +8,34 @@ from nsbench.compilation.decorators import inner_kernel, njit
 from nsbench.dynamics.contacts.kernels.contact_arrays import PAIR, ROW, SMOOTH, Contacts
 
 
-class ContactEntries(NamedTuple):
-    """Contacts, m of them, with the entries of their gradients.
+class Constraints(NamedTuple):
+    """Contacts, m of them, and the affine rows of their scene.
 
-    columns (m, w), count (m,): coordinates of the entries. rows (m, w), lengths (m,): entries and
-    lengths of the gradients of affine rows.
+    ptr, cols, vals: the rows as CSR; lengths (rows,): of their gradients.
     """
 
     contacts: Contacts
-    columns: np.ndarray
-    count: np.ndarray
-    rows: np.ndarray
+    ptr: np.ndarray
+    cols: np.ndarray
+    vals: np.ndarray
     lengths: np.ndarray
 
 
 @inner_kernel
-def _gap(entries, k, x, anchors, b, v):
+def _gap(scene, k, x, anchors, b, v):
     """Return the gap of contact k at x (n,), divided by the length of its gradient; fill v with the
     entries of that gradient, scaled to length one, or v (0,) with none."""
-    if entries.contacts.kind[k] != ROW:
-        return _distance(entries.contacts, k, x, anchors, v)
-    level = b[entries.contacts.p[k]]
-    for e in range(entries.count[k]):
-        level += entries.rows[k, e] * x[entries.columns[k, e]]
+    if scene.contacts.kind[k] != ROW:
+        return _distance(scene.contacts, k, x, anchors, v)
+    row = scene.contacts.p[k]
+    length = scene.lengths[row]
+    level = b[row]
+    first = scene.ptr[row]
+    for e in range(first, scene.ptr[row + 1]):
+        level += scene.vals[e] * x[scene.cols[e]]
         if len(v) > 0:
-            v[e] = entries.rows[k, e] / entries.lengths[k]
-    return level / entries.lengths[k]
+            v[e - first] = scene.vals[e] / length
+    return level / length
 
 
 @inner_kernel
@@ -63,7 +65,7 @@ def _distance(contacts, k, x, ends, v):
 
 @njit(cache=True, error_model="numpy")
 def gaps_and_gradients(
-    entries: ContactEntries,
+    scene: Constraints,
     anchors: np.ndarray,
     b: np.ndarray,
     X: np.ndarray,
@@ -80,33 +82,24 @@ def gaps_and_gradients(
     for s in range(len(X)):
         ends = anchors[s if len(anchors) > 1 else 0]
         levels = b[s if len(b) > 1 else 0]
-        for k in range(len(entries.count)):
-            if entries.contacts.kind[k] != SMOOTH:
-                g[s, k] = _gap(entries, k, X[s], ends, levels, V[s, k] if len(V) > 0 else none)
+        for k in range(len(scene.contacts.kind)):
+            if scene.contacts.kind[k] != SMOOTH:
+                g[s, k] = _gap(scene, k, X[s], ends, levels, V[s, k] if len(V) > 0 else none)
 
 
 @inner_kernel
-def _least_gap(entries, anchors, b, powers, w, x):
-    """Return the least gap at the state that the cubic with the coefficients powers (4, n) has at
-    w, which fills x (n,)."""
-    none = np.empty(0)
+def _fill_state(powers, w, x):
+    """Fill x (n,) with the state that the cubic with the coefficients powers (4, n) has at w."""
     # Horner's rule
     x[:] = 0.0
     for p in range(len(powers) - 1, -1, -1):
         for c in range(len(x)):
             x[c] = powers[p, c] + w * x[c]
-    least = np.inf
-    for k in range(len(entries.count)):
-        gap = _gap(entries, k, x, anchors, b, none)
-        # a gap that is not a number closes at once
-        if not gap >= least:
-            least = gap
-    return least
 
 
 @njit(cache=True, error_model="numpy")
 def first_closing(
-    entries: ContactEntries,
+    scene: Constraints,
     anchors: np.ndarray,
     b: np.ndarray,
     powers: np.ndarray,
@@ -114,23 +107,37 @@ def first_closing(
     closed: float,
     bits: int,
 ) -> float:
-    """Return where on a cubic the least gap falls below `closed`, seen at the first of the
-    ascending places looks (k,) with a negative one; infinity where none has.
+    """Return where on a cubic the first gap falls below `closed`, of those that are negative at the
+    first of the ascending places looks (k,) at which one is; infinity where none ever is.
 
     powers (4, n): coefficients of the cubic. Bisection to looks / 2^bits; at the place that is
-    returned the least gap is below `closed`. anchors (1, a), b (1, rows): of constraints that rest;
-    no contact is one of a Smooth constraint.
+    returned one of these gaps is below `closed`. anchors (1, a), b (1, rows): of constraints that
+    rest; no contact is one of a Smooth constraint.
     """
+    none = np.empty(0)
     x = np.empty(powers.shape[1])
+    late = np.empty(len(scene.contacts.kind), np.int64)
     for look in looks:
-        if not _least_gap(entries, anchors[0], b[0], powers, look, x) >= 0.0:
-            low = 0.0
-            high = look
-            for _ in range(bits):
-                middle = 0.5 * (low + high)
-                if _least_gap(entries, anchors[0], b[0], powers, middle, x) >= closed:
-                    low = middle
-                else:
-                    high = middle
-            return high
+        _fill_state(powers, look, x)
+        found = 0
+        for k in range(len(late)):
+            # a gap that is not a number closes at once
+            if not _gap(scene, k, x, anchors[0], b[0], none) >= 0.0:
+                late[found] = k
+                found += 1
+        if found == 0:
+            continue
+        low = 0.0
+        high = look
+        for _ in range(bits):
+            middle = 0.5 * (low + high)
+            _fill_state(powers, middle, x)
+            is_open = True
+            for a in range(found):
+                is_open &= _gap(scene, late[a], x, anchors[0], b[0], none) >= closed
+            if is_open:
+                low = middle
+            else:
+                high = middle
+        return high
     return np.inf
