@@ -123,6 +123,7 @@ class Path:
         self.F = self.shadow.fields(nodes.t, self.Y)
         K = len(nodes.t)
         self.size = np.zeros(K - 1)  # of the residual, integrated; of local solutions with the jump
+        self.peak = np.full(K - 1, np.inf)  # of the residual of an arc: its largest size
         self.push = np.zeros((K - 1, scene.n))  # the same as vectors, without that of pieces
         self.slack = np.zeros(K - 1)  # residual of the pieces of a local solution
         self.along = np.zeros((K - 1, scene.n))  # integral of the drift
@@ -157,6 +158,7 @@ class Path:
         F = self.F
         arcs = self.shadow.arcs(t, H, Y[at], Y[at + 1], F[at], F[at + 1], ids)
         self.size[at] = arcs.sizes(H)
+        self.peak[at] = arcs.peaks(H)
         self.push[at] = arcs.vectors(H)
         self.along[at] = arcs.fields(H)
         self.doubt[at] = arcs.doubts(H)
@@ -170,6 +172,14 @@ class Path:
             self.stretches[int(j)] = [stretch]
         return {int(j) for j in at[~arcs.inside]}
 
+    def added(self, j: int, one_sided: float) -> float:
+        """Return a bound of int exp(L (t - s)) |rho(s)| ds over interval j, L: one-sided Lipschitz
+        constant: by the integral of |rho|, or by its peak, of which a stiff drift forgets most."""
+        H = self.H[j]
+        by_integral = max(1.0, np.exp(one_sided * H)) * self.size[j]
+        decay = np.expm1(one_sided * H) / one_sided if one_sided < 0.0 else np.inf
+        return min(by_integral, self.peak[j] * decay)
+
     def _local(self, j: int):
         t = float(self.nodes.t[j])
         H = float(self.H[j])
@@ -179,6 +189,7 @@ class Path:
         self.push[j] = self.Y[j + 1] - found.state
         self.slack[j] = found.residual
         self.size[j] = found.residual + np.linalg.norm(self.push[j])
+        self.peak[j] = np.inf
         self.along[j] = found.drift
         self.doubt[j] = found.doubt
         self.stretches[j] = found.pieces
@@ -202,9 +213,7 @@ class Path:
         """Return (K,) bounds of |Y - x| by its size alone."""
         e = np.full(len(self.nodes.t), first)
         for j, H in enumerate(self.H):
-            # exp(L (t - s)) is largest at one end of the interval
-            factor = np.exp(drift.one_sided * H)
-            e[j + 1] = factor * e[j] + max(1.0, factor) * self.size[j]
+            e[j + 1] = np.exp(drift.one_sided * H) * e[j] + self.added(j, drift.one_sided)
         return e
 
     def estimate(self) -> Growth:

@@ -38,6 +38,8 @@ from nsbench.error_bars.shadow import (
 PIECES = (1, 4)  # of an interval, beside those that events make
 SMALL = 0.1  # of the run's error over the interval: a residual that needs no more pieces
 MOST_PIECES = 200
+STIFF = 1.0  # rate of the drift times the length of a piece that is resolved
+STIFFEST = 50.0  # and of one that is not divided for it
 CLOSING = 45  # bits of a piece to which the time is known at which a gap closes
 RELEASE = 20  # and at which a multiplier vanishes, which needs less: the motion has no kink there
 LOOKS = np.arange(1, 17) / 16.0  # of a piece, where a gap may be found closed
@@ -140,6 +142,8 @@ class _Piece:
         self.jump = size(self.y - y)
         self.v, q = self._velocity(0.0, self.y, f)
         self._take_step()
+        if self._stop_where_stiff():
+            self._take_step()
         if self._stop_at_release(q):
             self._take_step()
         self._stop_at_closing()
@@ -156,6 +160,9 @@ class _Piece:
         b = slope(0.5 * h, self.y + 0.5 * h * a)
         c = slope(0.5 * h, self.y + 0.5 * h * b)
         d = slope(h, self.y + h * c)
+        # what the drift does to the difference of two stages is its stiffness along them
+        apart = 0.5 * h * size(b - a)
+        self.rate = size(c - b) / apart if apart > 0.0 else 0.0
         self.step = h
         self.last = self.y + h / 6.0 * (a + 2.0 * (b + c) + d)
         self.last_v = slope(h, self.last)
@@ -163,6 +170,18 @@ class _Piece:
         bend = 3.0 * way - h * (2.0 * self.v + self.last_v)
         cubic = h * (self.v + self.last_v) - 2.0 * way
         self.powers = np.array([self.y, h * self.v, bend, cubic])
+
+    def _stop_where_stiff(self) -> bool:
+        """Shorten the piece to a step that is stable, unless that would take too many.
+
+        The rate at which the drift draws neighbouring states together is seen from two stages of
+        the step (Hairer & Wanner, Solving ODEs II, 1996, IV.2).
+        """
+        if not STIFF < self.length * self.rate <= STIFFEST:
+            return False
+        self.length = STIFF / self.rate
+        self.is_cut = True
+        return True
 
     def _states(self, s):
         """Return the states (K, n) at the times s (K,) of the piece: Horner's rule."""

@@ -30,6 +30,7 @@ HIDDEN_WEIGHTS = [
     [np.prod([(w - b) / (a - b) for b in PLACES if b != a]) for a in PLACES] for w in HIDDEN
 ]
 BOOLE = np.array([7.0, 32.0, 12.0, 32.0, 7.0]) / 90.0
+PEAK = 1.25  # times the largest residual at PLACES: one between them is less
 BEYOND_SIMPSON = BOOLE - np.array([1.0, 0.0, 4.0, 0.0, 1.0]) / 6.0
 BETWEEN = (0.125, 0.375, 0.625, 0.875)  # where it must be in S as well
 
@@ -233,6 +234,10 @@ class Arcs:
         from Simpson's."""
         sizes = np.linalg.norm(self.residual, axis=2)
         return H * (boole(sizes) + np.abs(BEYOND_SIMPSON @ sizes)) + self.unseen
+
+    def peaks(self, H: np.ndarray) -> np.ndarray:
+        """Return (K,) upper estimates of the largest |rho|."""
+        return PEAK * np.linalg.norm(self.residual, axis=2).max(axis=0) + self.unseen / H
 
     def vectors(self, H: np.ndarray) -> np.ndarray:
         """Return (K, n) the integrals of rho by Boole's rule."""

@@ -247,8 +247,8 @@ class SplitBound:
         return new, path.along[j] - found.drift, unknown
 
     def _norm_bound(self, j, e) -> float:
-        factor = np.exp(self.drift.one_sided * self.path.H[j])
-        return factor * e + max(1.0, factor) * self.path.size[j]
+        one_sided = self.drift.one_sided
+        return np.exp(one_sided * self.path.H[j]) * e + self.path.added(j, one_sided)
 
     def _carried(self, at: Stretch, known: Known) -> tuple[Known, np.ndarray, float]:
         """Return what is known of the error at the end of a stretch, the integral (n,) of J w over

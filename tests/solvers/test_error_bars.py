@@ -338,3 +338,15 @@ def test_an_error_whose_square_underflows_is_carried_on_as_it_is():
     new, pulled = leg.carried(Drift(walls.drift, 1), tiny)
     assert np.array_equal(new, tiny)
     assert not pulled.any()
+
+
+@pytest.mark.parametrize(("method", "h"), [("theta", 1e-2), ("theta", 1e-3), ("pbd", 1e-3)])
+def test_the_bound_of_a_stiff_scene_falls_with_the_step(method, h):
+    """Samples lie 15 times the time 1 / K apart in which the spring forgets: pieces of local
+    solutions are stable steps, and of a residual only what is not forgotten counts."""
+    case = get_case("stiff_contact")
+    traj = nsbench.solve(case, method, h=h)
+    error = np.abs(traj.x - case.exact(traj.t))[:, 0]
+    assert traj.bound.is_proven
+    assert np.all(traj.bound.state >= error - 1e-13)
+    assert traj.bound.state.max() <= 5.0 * error.max()
