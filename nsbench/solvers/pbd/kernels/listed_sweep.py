@@ -33,7 +33,7 @@ class NeighborList(NamedTuple):
     peak: int
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def is_beyond(x: np.ndarray, base: np.ndarray, first: int, dim: int, limit2: float) -> bool:
     """Return whether the particle at coordinate `first` is farther than sqrt(limit2) from base."""
     s = 0.0
@@ -43,7 +43,7 @@ def is_beyond(x: np.ndarray, base: np.ndarray, first: int, dim: int, limit2: flo
     return s > limit2
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def sweep_on(
     c: int,
     contacts: ListedContacts,
@@ -64,43 +64,45 @@ def sweep_on(
     """
     work = 0
     tied = False
-    while c < contacts.kind.size:
-        m = project(c, contacts, x, rows, b, anchors)
+    # taken out of the tuple once: numba counts references at every use of one of its arrays
+    _, _, _, _, p, q, d, sign, dim = contacts
+    kind = contacts.kind
+    while c < kind.size:
+        m = project(kind[c], p[c], q[c], d[c], sign[c], dim[c], x, rows, b, anchors)
         c += 1
         if m == 0.0:
             continue
         work += 1
         tied = tied or m < 0.0
         mu[c - 1] += abs(m)
-        if has_left(c - 1, contacts, rows, x, base, owner, limit2):
+        if has_left(kind[c - 1], p[c - 1], q[c - 1], rows, x, base, owner, limit2):
             return c, work, tied, True
     return c, work, tied, False
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def has_left(
-    c: int,
-    contacts: ListedContacts,
+    kind: int,
+    p: int,
+    q: int,
     rows: AffineRows,
     x: np.ndarray,
     base: np.ndarray,
     owner: np.ndarray,
     limit2: float,
 ) -> bool:
-    """Return whether a hard particle of constraint c is farther than sqrt(limit2) from base."""
-    p = contacts.p[c]
-    if contacts.kind[c] == ROW:
+    """Return whether a hard particle of the constraint, given as Contacts hold it, is farther than
+    sqrt(limit2) from base."""
+    if kind == ROW:
         for e in range(rows.ptr[p], rows.ptr[p + 1]):
-            first, dim = owner[rows.cols[e]]
-            if first >= 0 and is_beyond(x, base, first, dim, limit2):
+            i = rows.cols[e]
+            if owner[i, 0] >= 0 and is_beyond(x, base, owner[i, 0], owner[i, 1], limit2):
                 return True
         return False
-    first, dim = owner[p]
-    if first >= 0 and is_beyond(x, base, first, dim, limit2):
+    if owner[p, 0] >= 0 and is_beyond(x, base, owner[p, 0], owner[p, 1], limit2):
         return True
-    if contacts.kind[c] == PAIR:
-        first, dim = owner[contacts.q[c]]
-        return first >= 0 and is_beyond(x, base, first, dim, limit2)
+    if kind == PAIR:
+        return owner[q, 0] >= 0 and is_beyond(x, base, owner[q, 0], owner[q, 1], limit2)
     return False
 
 

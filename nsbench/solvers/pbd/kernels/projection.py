@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from nsbench.dynamics.contacts.kernels.contact_arrays import AffineRows, ListedContacts
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def project_row(r: int, x: np.ndarray, rows: AffineRows, b: np.ndarray) -> float:
     """Project x (n,) on A_r x + b_r >= 0; returns mu >= 0 with x += mu A_r; b (rows,)."""
     g = b[r]
@@ -35,7 +35,7 @@ def project_row(r: int, x: np.ndarray, rows: AffineRows, b: np.ndarray) -> float
     return mu
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def project_pair(p: int, q: int, d: float, sign: float, dim: int, x: np.ndarray) -> float:
     """Project on sign (|x_i - x_j| - d) >= 0, both particles moved alike; returns mu = -g / 2.
 
@@ -66,7 +66,7 @@ def project_pair(p: int, q: int, d: float, sign: float, dim: int, x: np.ndarray)
     return mu
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def project_anchor(
     p: int, q: int, d: float, sign: float, dim: int, x: np.ndarray, anchors: np.ndarray
 ) -> float:
@@ -91,23 +91,25 @@ def project_anchor(
     return -g
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", forceinline=True)
 def project(
-    c: int,
-    lists: ListedContacts,
+    kind: int,
+    p: int,
+    q: int,
+    d: float,
+    sign: float,
+    dim: int,
     x: np.ndarray,
     rows: AffineRows,
     b: np.ndarray,
     anchors: np.ndarray,
 ) -> float:
-    """Project x (n,) on constraint c of the list; returns mu as the projections above."""
-    if lists.kind[c] == ROW:
-        return project_row(lists.p[c], x, rows, b)
-    if lists.kind[c] == PAIR:
-        return project_pair(lists.p[c], lists.q[c], lists.d[c], lists.sign[c], lists.dim[c], x)
-    return project_anchor(
-        lists.p[c], lists.q[c], lists.d[c], lists.sign[c], lists.dim[c], x, anchors
-    )
+    """Project x (n,) on a constraint, given as Contacts hold it; returns mu as those above."""
+    if kind == ROW:
+        return project_row(p, x, rows, b)
+    if kind == PAIR:
+        return project_pair(p, q, d, sign, dim, x)
+    return project_anchor(p, q, d, sign, dim, x, anchors)
 
 
 @njit(cache=True, error_model="numpy")
@@ -129,9 +131,12 @@ def sweep(
     """
     work = 0
     tied = False
+    # taken out of the tuple once: numba counts references at every use of one of its arrays
+    _, _, _, _, p, q, d, sign, dim = lists
+    kind = lists.kind
     # Gauss-Seidel sweep: each projection starts from where the last one left x.
     for c in range(lo, hi):
-        m = project(c, lists, x, rows, b, anchors)
+        m = project(kind[c], p[c], q[c], d[c], sign[c], dim[c], x, rows, b, anchors)
         if m != 0.0:
             work += 1
             if m < 0.0:
