@@ -1,4 +1,4 @@
-"""Contacts as the error bars read them: gaps, unit gradients by entries, projection on their cone."""
+"""Contacts as the error bars read them: gaps, gradients by entries, projection on their cone."""
 
 import numpy as np
 import pytest
