@@ -17,13 +17,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nsbench.compilation.decorators import inner_kernel, njit
+from nsbench.compilation.borrowed_arrays import borrowed
+from nsbench.compilation.decorators import fused_kernel, inner_kernel, njit
 from nsbench.solvers.common.kernels.step_code import StepCode
 from nsbench.solvers.pbd.kernels.active_candidates import (
     inner_skin,
     restore_impulses,
     select_active,
 )
+from nsbench.solvers.pbd.kernels.calm_steps import Pause, at_step, calm_steps, sweep_active, undo_sweep
 from nsbench.solvers.pbd.kernels.cell_search import near_rows
 from nsbench.solvers.pbd.kernels.cell_storage import (
     CandidateLists,
@@ -33,7 +35,7 @@ from nsbench.solvers.pbd.kernels.cell_storage import (
     no_impulses,
     rebuild,
 )
-from nsbench.solvers.pbd.kernels.cell_sweep import drift, farthest, settle, sweep_stored
+from nsbench.solvers.pbd.kernels.cell_sweep import farthest, settle, sweep_stored
 from nsbench.solvers.pbd.kernels.loop_result import LoopResult
 from nsbench.solvers.pbd.kernels.skin_control import (
     HALF,
@@ -200,25 +202,6 @@ def renew_list(
 
 
 @njit(cache=True)
-def sweep_active(scene, state, lists, active, certified) -> tuple[int, bool, bool]:
-    """Sweep over the active candidates; returns as cell_sweep.sweep_stored."""
-    arrays = lists.arrays
-    return sweep_stored(
-        active_candidates(arrays, active),
-        state.y,
-        state.active_base,
-        lists.radii,
-        scene.dim,
-        scene.rows,
-        scene.b,
-        (HALF * certified) ** 2,
-        arrays.log_at,
-        arrays.log_mu,
-        scene.record,
-    )
-
-
-@njit(cache=True)
 def initialise(
     scene, state, arrays, x, reach
 ) -> tuple[CandidateLists, ListState, Skins, SkinControl]:
@@ -260,42 +243,86 @@ def reselect(
 
 
 @njit(cache=True)
-def undo_sweep(scene, state, lists, z, h, is_first, logged) -> None:
-    """Take back positions and impulses of a sweep, the first one of its step or a later one."""
-    if is_first:
-        drift(z, state.y, state.active_base, state.velocity, state.label, h, scene.dim)
-    else:
-        state.y[:] = state.sweep_start
-    if scene.record:
-        mu = lists.arrays.active_mu
-        for e in range(logged):
-            mu[lists.arrays.log_at[e]] = lists.arrays.log_mu[e]
-
-
-@njit(cache=True)
 def end_sample(k, scene, state, lists, counts, records, reaction):
     """Store the reaction (n,) of sample k, and move the impulses since the last one to the records.
 
     records: (ids, values, count). Returns the records, and the lists without the impulses that
     pairs had before they left the list.
     """
-    unpack(state.reaction, state.label, scene.dim, reaction)
+    lent = borrowed(lists)
+    label = borrowed(state.label)
+    unpack(borrowed(state.reaction), label, scene.dim, reaction)
     if scene.record:
         ids, values, count = records
-        restore_impulses(lists.arrays, counts.active)
-        lists.arrays.active_mu[: counts.active] = 0.0
-        pairs = listed(lists.arrays, counts.count)
-        records = flush(k, pairs, lists.expired, state.label, scene.families, ids, values, count)
-    return records, CandidateLists(lists.arrays, no_impulses(), lists.radii, lists.near_rows)
+        restore_impulses(lent.arrays, counts.active)
+        lent.arrays.active_mu[: counts.active] = 0.0
+        pairs = listed(lent.arrays, counts.count)
+        records = flush(k, pairs, lent.expired, label, scene.families, ids, values, count)
+    if lent.expired.mu.size > 0:
+        lists = CandidateLists(lists.arrays, no_impulses(), lists.radii, lists.near_rows)
+    return records, lists
 
 
 @njit(cache=True)
-def loop_result(X, R, records, work, code, reached, counts):
-    """Return the LoopResult of a run that ended at the time `reached`; counts: ListState."""
+def loop_result(X, R, records, code, at, counts):
+    """Return the LoopResult of a run that ended at the Pause `at`; counts: ListState."""
     ids, values, count = records
     return LoopResult(
-        X, R, ids[:count], values[:count], work, code, reached, counts.rebuilds, counts.peak_pairs
+        X,
+        R,
+        ids[:count],
+        values[:count],
+        at.work,
+        code,
+        at.time,
+        counts.rebuilds,
+        counts.peak_pairs,
     )
+
+
+@inner_kernel
+def restless_step(
+    z, h, sweeps, scene, state, lists, counts, at
+) -> tuple[CandidateLists, ListState, Pause]:
+    """Finish a step that needs a selection of the active candidates, from sweep at.sweep on.
+
+    Arguments as in calm_steps. Returns lists, counts (count -1 where the list gets too long) and
+    the pause after the step.
+    """
+    control = at.control
+    skins = at.skins
+    far = at.far
+    attempts = at.attempts
+    work = at.work
+    tied = at.tied
+    for u in range(at.sweep, sweeps):
+        if u > 0:
+            far = farthest(state.y, state.active_base, scene.dim, state.label.size)
+            state.sweep_start[:] = state.y
+        # sweep under the certificate: undone, and done again with wider lists, if it fails
+        broken = True
+        while broken:
+            if needs_selection(far, attempts, counts.rebuilds, control, skins.certified):
+                lists, counts, skins, control = reselect(
+                    scene, state, lists, counts, skins, control, far, attempts
+                )
+                if counts.count < 0:
+                    return lists, counts, at
+                if u > 0:
+                    state.sweep_start[:] = state.y
+            done, coincide, broken = sweep_active(
+                scene, state, lists, counts.active, skins.certified
+            )
+            if broken:
+                undo_sweep(z, scene, state, lists, h, u == 0, done)
+                control = adapt_to_undone_sweep(control, skins.active)
+                attempts += 1
+        work += done
+        tied = tied or coincide
+    control, skins = adapt_after_step(control, skins, attempts)
+    settle(z, state.y, state.velocity, state.reaction, state.label, h, scene.dim)
+    zero = np.int64(0)  # no literal: one version of the functions it is given to
+    return lists, counts, Pause(at.step + 1, at.time, zero, 0.0, zero, work, tied, control, skins)
 
 
 @njit(cache=True, error_model="numpy")
@@ -305,59 +332,45 @@ def march(f, b_of, t, substeps, sweeps, x, reach, scene, state, arrays, X, R) ->
     f, b_of: pointers (t, x, out), (t, out); t (K,), substeps (K - 1,): the grid; sweeps: per step;
     reach: least skin; scene, state, arrays: CellScene, CellState, CandidateArrays.
     """
-    label = state.label
-    dim = scene.dim
     lists, counts, skins, control = initialise(scene, state, arrays, x, reach)
     X[0] = x
     R[0] = 0.0
     records = np.empty((0, 4), np.int32), np.empty(0), 0
-    work = 0
-    code = StepCode.OK
+    zero = np.int64(0)  # no literal: one version of the functions it is given to
+    at = Pause(zero, t[0], zero, 0.0, zero, zero, False, control, skins)
     for k in range(t.size - 1):
-        h = (t[k + 1] - t[k]) / substeps[k]
+        m = substeps[k]
         X[k + 1] = X[k]
         z = X[k + 1]
-        for s in range(substeps[k]):
-            now = t[k] + s * h
-            f(now, z, state.velocity)
-            far = drift(z, state.y, state.active_base, state.velocity, label, h, dim)
-            if not far >= 0.0:
+        at = at_step(at, zero)
+        while at.step < m:
+            at = calm_steps(
+                f,
+                b_of,
+                t[k],
+                t[k + 1],
+                m,
+                sweeps,
+                z,
+                scene,
+                state,
+                lists,
+                counts.active,
+                counts.rebuilds,
+                at,
+            )
+            if at.step == m:
+                break
+            if not at.far >= 0.0:
                 X[k + 1 :] = np.nan
                 R[k + 1 :] = np.nan
-                return loop_result(X, R, records, work, StepCode.NAN, now, counts)
-            if scene.moving:
-                b_of(t[k + 1] if s + 1 == substeps[k] else t[k] + (s + 1) * h, scene.b)
-            control = with_age(control, control.age + 1)
-            attempts = np.int64(0)  # no literal: one version of the functions it is given to
-            for u in range(sweeps):
-                if u > 0:
-                    far = farthest(state.y, state.active_base, dim, label.size)
-                    state.sweep_start[:] = state.y
-                # sweep under the certificate: undone, and done again with wider lists, if it fails
-                broken = True
-                while broken:
-                    if needs_selection(far, attempts, counts.rebuilds, control, skins.certified):
-                        lists, counts, skins, control = reselect(
-                            scene, state, lists, counts, skins, control, far, attempts
-                        )
-                        if counts.count < 0:
-                            code = StepCode.LIST_OVERFLOW
-                            return loop_result(X, R, records, work, code, now, counts)
-                        if u > 0:
-                            state.sweep_start[:] = state.y
-                    done, tied, broken = sweep_active(
-                        scene, state, lists, counts.active, skins.certified
-                    )
-                    if broken:
-                        undo_sweep(scene, state, lists, z, h, u == 0, done)
-                        control = adapt_to_undone_sweep(control, skins.active)
-                        attempts += 1
-                work += done
-                code = StepCode.TIED if tied else code
-            control, skins = adapt_after_step(control, skins, attempts)
-            settle(z, state.y, state.velocity, state.reaction, label, h, dim)
+                return loop_result(X, R, records, StepCode.NAN, at, counts)
+            h = (t[k + 1] - t[k]) / m
+            lists, counts, at = restless_step(z, h, sweeps, scene, state, lists, counts, at)
+            if counts.count < 0:
+                return loop_result(X, R, records, StepCode.LIST_OVERFLOW, at, counts)
         records, lists = end_sample(k + 1, scene, state, lists, counts, records, R[k + 1])
-    return loop_result(X, R, records, work, code, t[-1], counts)
+    return loop_result(X, R, records, StepCode.TIED if at.tied else StepCode.OK, at, counts)
 
 
 def cell_state(n: int, size: int) -> CellState:

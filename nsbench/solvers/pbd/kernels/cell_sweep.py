@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from nsbench.compilation.decorators import inner_kernel, njit
+from nsbench.compilation.decorators import fused_kernel, njit
 
 if TYPE_CHECKING:
     from nsbench.dynamics.contacts.kernels.contact_arrays import AffineRows
     from nsbench.solvers.pbd.kernels.cell_storage import PairImpulses
 
 
-@njit(cache=True)
+@fused_kernel
 def drift(
     x: np.ndarray,
     y: np.ndarray,
@@ -61,7 +61,7 @@ def farthest(y: np.ndarray, base: np.ndarray, dim: int, n: int) -> float:
     return far
 
 
-@njit(cache=True)
+@fused_kernel
 def settle(
     x: np.ndarray,
     y: np.ndarray,
@@ -82,7 +82,7 @@ def settle(
             x[e] = y[s * dim + c]
 
 
-@inner_kernel
+@fused_kernel
 def project_stored_row(
     y: np.ndarray, s: int, q: int, rows: AffineRows, b: np.ndarray, dim: int
 ) -> float:
@@ -98,7 +98,7 @@ def project_stored_row(
     return mu
 
 
-@inner_kernel
+@fused_kernel
 def is_stored_beyond(y: np.ndarray, base: np.ndarray, s: int, dim: int, limit2: float) -> bool:
     """Return whether particle s of y (n dim,) is farther than sqrt(limit2) from its place in
     base."""
@@ -109,7 +109,7 @@ def is_stored_beyond(y: np.ndarray, base: np.ndarray, s: int, dim: int, limit2: 
     return far > limit2
 
 
-@inner_kernel
+@fused_kernel
 def project_stored_pair(y: np.ndarray, p: int, q: int, d: float, dim: int) -> float:
     """Project particles p, q of y (n dim,) on |x_p - x_q| >= d.
 
@@ -137,7 +137,7 @@ def project_stored_pair(y: np.ndarray, p: int, q: int, d: float, dim: int) -> fl
     return mu
 
 
-@njit(cache=True, error_model="numpy")
+@fused_kernel
 def sweep_stored(
     active: PairImpulses,
     y: np.ndarray,
@@ -185,7 +185,7 @@ def sweep_stored(
     return k, tied, False
 
 
-@inner_kernel
+@fused_kernel
 def sweep_discs(
     active: PairImpulses, y, base, d, rows, b, limit2, log_at, log_mu, record
 ) -> tuple[int, bool, bool]:
