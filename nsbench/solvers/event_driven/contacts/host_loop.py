@@ -357,8 +357,9 @@ class ContactIntegrator:
     def trajectory(self, status: Status) -> Trajectory:
         """Return what was recorded as a trajectory."""
         impulse = np.full((len(self.case.t), len(self.columns)), np.nan)
+        impulse[: len(self._impulses)] = 0.0
         for k, row in enumerate(self._impulses):
-            impulse[k] = np.append(row, np.zeros(len(self.columns) - len(row)))
+            impulse[k, : len(row)] = row
         complete = self._recorded == len(self.case.t) and np.all(np.isfinite(self._states))
         if status.ok and not complete:
             status = Status("unverified", "Samples are missing although no failure was met.")

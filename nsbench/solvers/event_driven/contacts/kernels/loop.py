@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from nsbench.compilation.borrowed_arrays import borrowed
 from nsbench.compilation.decorators import inlined, njit, one
 from nsbench.dynamics.contacts.kernels.contact_arrays import ROW
 from nsbench.solvers.event_driven.contacts.kernels.active_set_change import (
@@ -217,6 +218,11 @@ def integrate_contacts(
     candidates, written. samples: SampleRecord; accumulated: Accumulated; recent_steps: ring of the
     largest step of each arc; log: EventLog; loop: LoopState; all written.
     """
+    problem = borrowed(problem)
+    samples = borrowed(samples)
+    accumulated = borrowed(accumulated)
+    log = borrowed(log)
+    loop = borrowed(loop)
     counters = loop.counters
     n = x.size
     series = Series(np.empty((problem.order + 1, n)), np.empty((problem.order, n)))

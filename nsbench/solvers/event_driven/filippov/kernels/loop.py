@@ -7,6 +7,7 @@ that are not unique, steps that cannot be certified.
 
 import numpy as np
 
+from nsbench.compilation.borrowed_arrays import borrowed
 from nsbench.compilation.decorators import inlined, njit
 from nsbench.solvers.event_driven.filippov.kernels.kink_branches import begin_kinks
 from nsbench.solvers.event_driven.filippov.kernels.loop_state import (
@@ -242,4 +243,5 @@ def integrate_modes(
         floats,
         Workspace(*work),
     )
+    run = borrowed(run)
     follow_modes(run, begun)
