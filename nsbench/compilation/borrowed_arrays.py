@@ -1,4 +1,4 @@
-"""Arrays without reference counts, for the hot loops of kernels.
+"""Arrays without reference counts, for the hot loops of kernels and for callbacks.
 
 numba counts references to an array wherever it is bound, given to a function or taken out of a
 tuple, by an atomic operation each; in a loop of short steps over a NamedTuple of twenty arrays they
@@ -9,8 +9,10 @@ from __future__ import annotations
 
 from typing import TypeVar
 
+from llvmlite.ir import DoubleType
 from numba.core import cgutils, types
 from numba.extending import intrinsic, overload
+from numba.np.arrayobj import populate_array
 
 Arrays = TypeVar("Arrays")
 
@@ -49,3 +51,23 @@ def _released(context, builder, kind, value):
             item = builder.extract_value(value, i)
             value = builder.insert_value(value, _released(context, builder, member, item), i)
     return value
+
+
+@intrinsic
+def stack_array(typing_context, n):
+    """Return an array of n floats on the stack, for a compiled function while it runs.
+
+    It is not initialised. Its use ends with the function that asked for it; n is small.
+    """
+    kind = types.Array(types.float64, 1, "C")
+
+    def generate(context, builder, signature, args):
+        array = context.make_array(kind)(context, builder)
+        itemsize = context.get_constant(types.intp, 8)
+        data = builder.alloca(DoubleType(), size=args[0])
+        populate_array(
+            array, data=data, shape=[args[0]], strides=[itemsize], itemsize=itemsize, meminfo=None
+        )
+        return array._getvalue()
+
+    return kind(types.intp), generate

@@ -10,6 +10,7 @@ from __future__ import annotations
 import functools
 import types
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +20,21 @@ if TYPE_CHECKING:
     from numba.core.dispatcher import Dispatcher
 
     from nsbench.compilation.cfunc_cache import Pointer
+
+
+@dataclass(frozen=True)
+class Scaling:
+    """How a function in a case's own units comes from the user's: unit f(origin + time t, size x).
+
+    It is the attribute `scaling` of the former, whose compiled callback then needs no temporary
+    arrays. function: the user's; size, unit: one for each coordinate, or one for all.
+    """
+
+    function: Callable
+    origin: float
+    time: float
+    size: np.ndarray
+    unit: np.ndarray
 
 
 class CompileError(Exception):
@@ -38,11 +54,11 @@ def as_numpy(factory: Callable) -> Callable:
     return at
 
 
-def _pointer(factory, signature, make):
+def _pointer(factory, signature, make, make_scaled=None):
     """Return a pointer of `signature` to make(function): a cfunc, or one that was stored on disk.
 
-    make: a function of this module, identified by its name. Raises CompileError with numba's
-    reason. The pointer is an address of machine code, so the caller keeps it alive (numba holds a
+    make: a function of this module, identified by its name; make_scaled(function, scaling) does the
+    same for one that has a Scaling. Raises CompileError with numba's reason. The pointer is an address of machine code, so the caller keeps it alive (numba holds a
     reference).
     """
     from numba.core.errors import NumbaError
@@ -55,6 +71,13 @@ def _pointer(factory, signature, make):
         found = cfunc_cache.load(name, signature)
         if found is not None:
             return found
+        scaling = getattr(function, "scaling", None) if make_scaled else None
+        if scaling is not None:
+            try:
+                fill = make_scaled(_compiled(scaling.function), scaling)
+                return cfunc_cache.compiled(name, signature, fill)
+            except NumbaError:  # a number, or an array of more dimensions: times `unit` it is flat
+                pass
         return cfunc_cache.compiled(name, signature, make(_compiled(function)))
     except (NumbaError, NotImplementedError) as e:
         raise CompileError(_reason(str(e))) from None
@@ -105,6 +128,64 @@ def _types():
     return of.void, of.float64, of.float64[::1]
 
 
+STACK = 512  # coordinates whose scaled values lie on the stack
+
+
+def _scaled_state(size):
+    """Return a kernel (x) -> size x, on the stack of its caller if x is short."""
+    import numba
+
+    from nsbench.compilation.borrowed_arrays import stack_array
+
+    def scaled(x: np.ndarray) -> np.ndarray:
+        y = stack_array(x.size) if x.size <= STACK else np.empty(x.size)
+        for i in range(x.size):
+            y[i] = size[i if size.size > 1 else 0] * x[i]
+        return y
+
+    # numba inlines it: the stack is that of the callback
+    return numba.njit(inline="always")(scaled)
+
+
+def _store_scaled(unit):
+    """Return a kernel that writes unit v to `out`, or nothing if v is neither as long nor one."""
+    import numba
+
+    def store(v: np.ndarray, out: np.ndarray) -> None:
+        for i in range(out.size if v.size == out.size or v.size == 1 else 0):
+            out[i] = unit[i if unit.size > 1 else 0] * v[i if v.size > 1 else 0]
+
+    return numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True)(store)
+
+
+def _fill_scaled(f, scaling):
+    """Return the function that rhs_cfunc compiles of one with a Scaling."""
+    origin, time = scaling.origin, scaling.time
+    state = _scaled_state(np.ravel(scaling.size))
+    store = _store_scaled(np.ravel(scaling.unit))
+
+    def fill(t: float, x: np.ndarray, out: np.ndarray) -> None:
+        for i in range(out.size):
+            out[i] = np.nan
+        store(f(origin + time * t, state(x)), out)
+
+    return fill
+
+
+def _fill_scaled_signed(f, scaling):
+    """Return the function that signed_rhs_cfunc compiles of one with a Scaling."""
+    origin, time = scaling.origin, scaling.time
+    state = _scaled_state(np.ravel(scaling.size))
+    store = _store_scaled(np.ravel(scaling.unit))
+
+    def fill(t: float, x: np.ndarray, s: np.ndarray, out: np.ndarray) -> None:
+        for i in range(out.size):
+            out[i] = np.nan
+        store(f(origin + time * t, state(x), s), out)
+
+    return fill
+
+
 @functools.lru_cache(maxsize=256)
 def rhs_cfunc(factory: Callable, n: int) -> CFunc | Pointer:
     """``drift(xp) -> (t, x)`` as a cfunc (t, x, out), x and out (n,)."""
@@ -122,7 +203,7 @@ def rhs_cfunc(factory: Callable, n: int) -> CFunc | Pointer:
 
         return fill
 
-    return _pointer(factory, void(f8, vec, vec), make)
+    return _pointer(factory, void(f8, vec, vec), make, _fill_scaled)
 
 
 @functools.lru_cache(maxsize=256)
@@ -140,7 +221,7 @@ def signed_rhs_cfunc(factory: Callable, n: int, d: int) -> CFunc | Pointer:
 
         return fill
 
-    return _pointer(factory, void(f8, vec, vec, vec), make)
+    return _pointer(factory, void(f8, vec, vec, vec), make, _fill_scaled_signed)
 
 
 @functools.lru_cache(maxsize=256)

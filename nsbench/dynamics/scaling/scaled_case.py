@@ -19,6 +19,7 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.case.scale import Scale, in_units
 from nsbench.columns import by_name
+from nsbench.compilation.factories import Scaling
 from nsbench.dynamics.scaling.estimate import case_scale, power_of_two, switch_sizes
 from nsbench.problem import LCS, Affine, Complementarity, Distance, Filippov, Hybrid, Smooth
 from nsbench.trajectory import Event, Trajectory
@@ -183,9 +184,19 @@ def _signed(factory, t0, T, S):
         def scaled(t: float, x: np.ndarray, s: np.ndarray) -> np.ndarray:
             return rate * f(t0 + T * t, size * x, s)
 
+        if xp.__name__ == "numpy":
+            scaled.scaling = Scaling(f, t0, T, size, rate)
         return scaled
 
     return make
+
+
+def _composed(outer: Scaling) -> Scaling:
+    """Return one scaling for two, where the outer one leaves time and state as they are."""
+    inner = getattr(outer.function, "scaling", None)
+    if inner is None or outer.origin != 0.0 or outer.time != 1.0 or np.any(outer.size != 1.0):
+        return outer
+    return dataclasses.replace(inner, unit=outer.unit * inner.unit)
 
 
 def _function(factory, t0, T, S, factor):
@@ -204,6 +215,8 @@ def _function(factory, t0, T, S, factor):
         def scaled(t: float, x: np.ndarray) -> np.ndarray:
             return unit * g(t0 + T * t, size * x)
 
+        if xp.__name__ == "numpy":
+            scaled.scaling = _composed(Scaling(g, t0, T, size, unit))
         return scaled
 
     return make

@@ -153,7 +153,11 @@ class PBD(StepOrTolerance):
         The work arrays of candidates are allocated once; those of the state at each run, as the
         trajectory takes their room.
         """
-        from nsbench.solvers.common.compiled_loop import bind_loop, compile_functions
+        from nsbench.solvers.common.compiled_loop import (
+            bind_loop,
+            compile_functions,
+            module_in_python,
+        )
         from nsbench.solvers.common.hard_particles import mean_radius
         from nsbench.solvers.common.kernels.step_code import StepCode
         from nsbench.solvers.pbd.kernels import cell_loop
@@ -169,6 +173,7 @@ class PBD(StepOrTolerance):
             cell_loop.march,
             functions.loop,
             (*head, cell_loop.cell_state(m, case.n), arrays, none, none),
+            module_in_python,
         )
 
         def run() -> LoopResult:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from nsbench.solvers.pbd.kernels.cell_storage import PairImpulses
 
 
-@fused_kernel
+@njit(cache=True, error_model="numpy", forceinline=True)
 def drift(
     x: np.ndarray,
     y: np.ndarray,
@@ -61,7 +61,7 @@ def farthest(y: np.ndarray, base: np.ndarray, dim: int, n: int) -> float:
     return far
 
 
-@fused_kernel
+@njit(cache=True, error_model="numpy", forceinline=True)
 def settle(
     x: np.ndarray,
     y: np.ndarray,

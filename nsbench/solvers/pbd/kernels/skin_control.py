@@ -46,7 +46,7 @@ class SkinControl(NamedTuple):
     calm: int
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def needs_selection(
     far: float, attempts: int, rebuilds: int, control: SkinControl, certified: float
 ) -> bool:
@@ -73,7 +73,7 @@ def adapt_to_pace(control: SkinControl, far: float, rebuilds: int) -> SkinContro
     )
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def adapt_to_undone_sweep(control: SkinControl, active_skin: float) -> SkinControl:
     """Widen the skin if a new selection was too narrow, else enlarge the reserve."""
     is_new = control.age == 0
@@ -88,7 +88,7 @@ def adapt_to_undone_sweep(control: SkinControl, active_skin: float) -> SkinContr
     )
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def with_age(control: SkinControl, age: int) -> SkinControl:
     """Return the control with the age of the selection set."""
     return SkinControl(
@@ -102,7 +102,7 @@ def with_age(control: SkinControl, age: int) -> SkinControl:
     )
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", forceinline=True)
 def adapt_after_step(
     control: SkinControl, skins: Skins, attempts: int
 ) -> tuple[SkinControl, Skins]:

@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from nsbench.compilation.borrowed_arrays import borrowed
 from nsbench.compilation.decorators import inlined, inner_kernel, njit
 from nsbench.lcp.lemke import has_other_motion, least_norm_solution, solve
 from nsbench.linalg.max_norm import largest
@@ -181,6 +182,10 @@ def advance(f, linear, now, after, h, theta, step, system, matrix, work, stale, 
     Newton's method on (y, lam), exact at once where f is linear. matrix: StepMatrices, computed
     anew when `stale`.
     """
+    step = borrowed(step)
+    system = borrowed(system)
+    matrix = borrowed(matrix)
+    work = borrowed(work)
     x, y, v, _, _, lam, _ = step
     n = x.size
     m = lam.size
