@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from nsbench.compilation.borrowed_arrays import borrowed
 from nsbench.compilation.decorators import njit
 from nsbench.dynamics.contacts.kernels.impulse_records import flush
 from nsbench.solvers.common.kernels.step_code import StepCode, all_finite
@@ -19,6 +20,8 @@ def march(f, b_of, a_of, moving, t, substeps, sweeps, x, lists, rows, b, anchors
     t; t (K,), substeps (K - 1,): the grid; lists: ListedContacts; rows: AffineRows. Returns a
     LoopResult.
     """
+    lists = borrowed(lists)
+    rows = borrowed(rows)
     K = t.size
     m = lists.kind.size
     X = np.full((K, x.size), np.nan)

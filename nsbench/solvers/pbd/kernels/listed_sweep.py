@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from nsbench.compilation.borrowed_arrays import borrowed
 from nsbench.compilation.decorators import njit
 from nsbench.dynamics.contacts.kernels.contact_arrays import PAIR, ROW, ListedContacts
 from nsbench.solvers.pbd.kernels.neighbor_list import rebuild
@@ -62,9 +63,10 @@ def sweep_on(
     next constraint, the projections done, whether centres coincided, and whether a particle is
     farther than sqrt(limit2) from base.
     """
+    contacts = borrowed(contacts)
+    rows = borrowed(rows)
     work = 0
     tied = False
-    # taken out of the tuple once: numba counts references at every use of one of its arrays
     _, _, _, _, p, q, d, sign, dim = contacts
     kind = contacts.kind
     while c < kind.size:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from nsbench.compilation.borrowed_arrays import borrowed
 from nsbench.compilation.decorators import inlined, njit
 from nsbench.dynamics.contacts.kernels.constraint_order import static_keys
 from nsbench.dynamics.contacts.kernels.impulse_records import flush
@@ -84,6 +85,8 @@ def march(
 
     Returns a LoopResult.
     """
+    scene = borrowed(scene)
+    rows = borrowed(rows)
     K = t.size
     X = np.full((K, x.size), np.nan)
     R = np.full((K, x.size), np.nan)

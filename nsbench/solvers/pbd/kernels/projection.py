@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from nsbench.compilation.borrowed_arrays import borrowed
 from nsbench.compilation.decorators import njit
 from nsbench.dynamics.contacts.kernels.contact_arrays import PAIR, ROW
 
@@ -129,6 +130,8 @@ def sweep(
     lists: ListedContacts; rows: AffineRows; b, anchors: constants of the rows, coordinates of the
     anchors. Returns the number of projections done and whether coincident centres were met.
     """
+    lists = borrowed(lists)
+    rows = borrowed(rows)
     work = 0
     tied = False
     # taken out of the tuple once: numba counts references at every use of one of its arrays
