@@ -17,7 +17,16 @@ from numba import cfunc, njit
 
 from nsbench.compilation import numba_cache  # noqa: F401  (configures numba)
 
-__all__ = ["cfunc", "fused_kernel", "inlined", "inner_kernel", "njit", "one", "summing_kernel"]
+__all__ = [
+    "cfunc",
+    "fused_kernel",
+    "fused_njit",
+    "inlined",
+    "inner_kernel",
+    "njit",
+    "one",
+    "summing_kernel",
+]
 
 inner_kernel = numba.njit(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 # dot products may be summed in lanes
@@ -28,10 +37,12 @@ summing_kernel = numba.njit(
     fastmath={"reassoc", "contract"},
 )
 inlined = numba.njit(error_model="numpy", inline="always")
-# LLVM inlines it into its caller, where the reference counts of the arrays in a NamedTuple cancel
+# LLVM inlines these two into their caller, where reference counts of borrowed arrays vanish; the
+# second can be called from Python too
 fused_kernel = numba.njit(
     error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, forceinline=True
 )
+fused_njit = numba.njit(cache=True, error_model="numpy", forceinline=True)
 
 
 @inner_kernel

@@ -24,7 +24,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Scaling:
-    """How a function in a case's own units comes from the user's: unit f(origin + time t, size x).
+    """How a function in a case's own units comes from the user's.
+
+        unit f(origin + time t, size x)
 
     It is the attribute `scaling` of the former, whose compiled callback then needs no temporary
     arrays. function: the user's; size, unit: one for each coordinate, or one for all.
@@ -58,8 +60,8 @@ def _pointer(factory, signature, make, make_scaled=None):
     """Return a pointer of `signature` to make(function): a cfunc, or one that was stored on disk.
 
     make: a function of this module, identified by its name; make_scaled(function, scaling) does the
-    same for one that has a Scaling. Raises CompileError with numba's reason. The pointer is an address of machine code, so the caller keeps it alive (numba holds a
-    reference).
+    same for one that has a Scaling. Raises CompileError with numba's reason. The pointer is an
+    address of machine code, so the caller keeps it alive (numba holds a reference).
     """
     from numba.core.errors import NumbaError
 
@@ -160,7 +162,8 @@ def _store_scaled(unit):
 
 def _fill_scaled(f, scaling):
     """Return the function that rhs_cfunc compiles of one with a Scaling."""
-    origin, time = scaling.origin, scaling.time
+    origin = scaling.origin
+    time = scaling.time
     state = _scaled_state(np.ravel(scaling.size))
     store = _store_scaled(np.ravel(scaling.unit))
 
@@ -174,7 +177,8 @@ def _fill_scaled(f, scaling):
 
 def _fill_scaled_signed(f, scaling):
     """Return the function that signed_rhs_cfunc compiles of one with a Scaling."""
-    origin, time = scaling.origin, scaling.time
+    origin = scaling.origin
+    time = scaling.time
     state = _scaled_state(np.ravel(scaling.size))
     store = _store_scaled(np.ravel(scaling.unit))
 

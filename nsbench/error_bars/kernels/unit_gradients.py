@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from nsbench.compilation.borrowed_arrays import borrowed
 from nsbench.compilation.decorators import inner_kernel, njit
 from nsbench.dynamics.contacts.kernels.contact_arrays import PAIR, ROW, SMOOTH, Contacts
 
@@ -78,6 +79,7 @@ def gaps_and_gradients(
     (K, n): states. V (0, m, w) asks for no gradients. What belongs to Smooth constraints is left as
     it is.
     """
+    scene = borrowed(scene)
     none = np.empty(0)
     for s in range(len(X)):
         ends = anchors[s if len(anchors) > 1 else 0]
@@ -114,6 +116,7 @@ def first_closing(
     returned one of these gaps is below `closed`. anchors (1, a), b (1, rows): of constraints that
     rest; no contact is one of a Smooth constraint.
     """
+    scene = borrowed(scene)
     none = np.empty(0)
     x = np.empty(powers.shape[1])
     late = np.empty(len(scene.contacts.kind), np.int64)

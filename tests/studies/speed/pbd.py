@@ -156,12 +156,12 @@ def pair_lists(scene, order):
 
     from nsbench.dynamics.contacts.kernels.constraint_order import COLOURED, SORTED
     from nsbench.dynamics.contacts.kernels.contact_arrays import AffineRows
-    from nsbench.solvers.pbd.kernels import cell_loop, cell_storage
+    from nsbench.solvers.pbd.kernels import cell_loop, cell_storage, list_renewal
 
     @njit
     def candidates(data, state, arrays, reach):
         """The list that a run would begin with, and the keys of its candidates."""
-        lists, counts, _, _ = cell_loop.initialise(data, state, arrays, state.y.copy(), reach)
+        lists, counts, _, _ = list_renewal.initialise(data, state, arrays, state.y.copy(), reach)
         rows = np.empty(0, np.int32)
         lists, m, _ = cell_storage.rebuild(
             data, state, lists, counts.count, reach, rows, counts.max_pairs

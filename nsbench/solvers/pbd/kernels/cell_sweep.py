@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from nsbench.compilation.decorators import fused_kernel, njit
+from nsbench.compilation.decorators import fused_kernel, fused_njit, njit
 
 if TYPE_CHECKING:
     from nsbench.dynamics.contacts.kernels.contact_arrays import AffineRows
     from nsbench.solvers.pbd.kernels.cell_storage import PairImpulses
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@fused_njit
 def drift(
     x: np.ndarray,
     y: np.ndarray,
@@ -61,7 +61,7 @@ def farthest(y: np.ndarray, base: np.ndarray, dim: int, n: int) -> float:
     return far
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@fused_njit
 def settle(
     x: np.ndarray,
     y: np.ndarray,
@@ -137,7 +137,7 @@ def project_stored_pair(y: np.ndarray, p: int, q: int, d: float, dim: int) -> fl
     return mu
 
 
-@fused_kernel
+@fused_njit
 def sweep_stored(
     active: PairImpulses,
     y: np.ndarray,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from nsbench.compilation.decorators import inner_kernel, njit
+from nsbench.compilation.decorators import fused_njit, inner_kernel, njit
 from nsbench.solvers.pbd.kernels.active_candidates import (
     inner_skin,
     restore_impulses,
@@ -201,7 +201,7 @@ def reselect(
     return lists, counts, skins, with_age(control, 0)
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@fused_njit
 def undo_sweep(
     z: np.ndarray,
     scene: CellScene,
@@ -225,7 +225,7 @@ def undo_sweep(
             mu[lists.arrays.log_at[e]] = lists.arrays.log_mu[e]
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@fused_njit
 def sweep_active(
     scene: CellScene, state: CellState, lists: CandidateLists, active: int, certified: float
 ) -> tuple[int, bool, bool]:

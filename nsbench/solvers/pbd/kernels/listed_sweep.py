@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from nsbench.compilation.borrowed_arrays import borrowed
-from nsbench.compilation.decorators import njit
+from nsbench.compilation.decorators import fused_njit, njit
 from nsbench.dynamics.contacts.kernels.contact_arrays import PAIR, ROW, ListedContacts
 from nsbench.solvers.pbd.kernels.neighbor_list import rebuild
 from nsbench.solvers.pbd.kernels.projection import project
@@ -34,7 +34,7 @@ class NeighborList(NamedTuple):
     peak: int
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@fused_njit
 def is_beyond(x: np.ndarray, base: np.ndarray, first: int, dim: int, limit2: float) -> bool:
     """Return whether the particle at coordinate `first` is farther than sqrt(limit2) from base."""
     s = 0.0
@@ -82,7 +82,7 @@ def sweep_on(
     return c, work, tied, False
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@fused_njit
 def has_left(
     kind: int,
     p: int,

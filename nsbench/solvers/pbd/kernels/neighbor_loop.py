@@ -85,8 +85,7 @@ def march(
 
     Returns a LoopResult.
     """
-    scene = borrowed(scene)
-    rows = borrowed(rows)
+    scene, rows = borrowed((scene, rows))
     K = t.size
     X = np.full((K, x.size), np.nan)
     R = np.full((K, x.size), np.nan)

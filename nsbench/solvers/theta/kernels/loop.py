@@ -182,10 +182,7 @@ def advance(f, linear, now, after, h, theta, step, system, matrix, work, stale, 
     Newton's method on (y, lam), exact at once where f is linear. matrix: StepMatrices, computed
     anew when `stale`.
     """
-    step = borrowed(step)
-    system = borrowed(system)
-    matrix = borrowed(matrix)
-    work = borrowed(work)
+    step, system, matrix, work = borrowed((step, system, matrix, work))
     x, y, v, _, _, lam, _ = step
     n = x.size
     m = lam.size
