@@ -14,7 +14,7 @@ from nsbench.case.scale import time_text
 from nsbench.compilation.factories import as_numpy
 from nsbench.problem import LCS, Affine, Complementarity
 from nsbench.solvers.base import Claims, Expect, Run, grid, last_steps
-from nsbench.solvers.common.time_grid import samples
+from nsbench.solvers.common.time_grid import between_samples, samples
 from nsbench.trajectory import Resolution, Status, Trajectory
 
 ALL = 8  # rows whose 2^m supports are tried in each step where uniqueness is not certain
@@ -100,7 +100,7 @@ class Theta:
         from nsbench.solvers.common.compiled_loop import bind_loop, module_in_python
         from nsbench.solvers.theta.kernels import loop as kernel
 
-        g = grid(case.t, h, last=case.exact_impulse is not None)
+        g = grid(case.t, h, last=case.exact_impulse is not None, states=case.n)
         data = _of_lcs(case) if isinstance(case.problem, LCS) else _of_gaps(case)
         functions = _loop_functions(case, data)
         B = data["B"]
@@ -232,6 +232,7 @@ def _trajectory(case, g, loop, theta, B, judged, out):
         "limits": int(count[UNSETTLED]),
     }
     lam = last_steps(case.t, g, P[:, acted])
+    between = between_samples(case.t, g, X, P[:, acted])
     if not g.aligned:
         X, P, R = samples(case.t, g.t, X, P, R)
     label = {1.0: "end", 0.5: "midpoint"}.get(theta, "mean")
@@ -245,6 +246,7 @@ def _trajectory(case, g, loop, theta, B, judged, out):
         stats=stats,
         lam_time=label,
         **lam,
+        between=between,
         resolution=Resolution(step=g.h, rule="explicit" if theta == 0.0 else "implicit"),
     )
 
