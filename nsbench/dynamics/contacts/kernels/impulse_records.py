@@ -155,8 +155,8 @@ def cumulate(ids: np.ndarray, values: np.ndarray, samples: int) -> tuple[Sequenc
     """
     if not len(values):
         return (), np.zeros((samples, 0))
-    if len(values) > FEW and ids.dtype == np.int32:
-        contacts, column = sorted_contacts(ids)
+    if len(values) > FEW and ids.max() < 2**31:
+        contacts, column = sorted_contacts(ids.astype(np.int32, copy=False))
     elif (
         ids.max() < 2**27 and ids[:, 1].max() < 2**7
     ):  # one word for each id: sorted much faster, in the same order
