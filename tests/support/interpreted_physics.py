@@ -25,7 +25,7 @@ DATA = 4
 SHAPE = 5
 
 
-def pointer(factory, signature, make):
+def pointer(factory, signature, make, make_scaled=None):
     """As nsbench.compilation.factories._pointer, of a function that Python calls."""
     function = factory(np)
     fill = make(function)

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from nsbench.compilation.borrowed_arrays import borrowed
-from nsbench.compilation.decorators import inner_kernel, njit
+from nsbench.compilation.decorators import fused_kernel, inner_kernel, njit
 from nsbench.solvers.common.kernels.step_code import StepCode
 from nsbench.solvers.pbd.kernels.cell_records import end_sample, loop_result
 from nsbench.solvers.pbd.kernels.cell_storage import CellState
@@ -26,7 +26,8 @@ from nsbench.solvers.pbd.kernels.cell_sweep import drift, farthest, settle
 from nsbench.solvers.pbd.kernels.list_renewal import (
     Pause,
     initialise,
-    restless_step,
+    next_interval,
+    reselect,
     sweep_active,
     undo_sweep,
 )
@@ -44,20 +45,13 @@ if TYPE_CHECKING:
     from nsbench.solvers.pbd.kernels.cell_storage import CandidateLists, CellScene
 
 
-@inner_kernel
-def at_step(at: Pause, step: int) -> Pause:
-    """Return the pause with the number of steps done set."""
-    return Pause(
-        step,
-        at.time,
-        at.sweep,
-        at.far,
-        at.attempts,
-        at.work,
-        at.tied,
-        at.control,
-        at.skins,
-    )
+@fused_kernel
+def move_freely(
+    f: Callable, now: float, h: float, z: np.ndarray, scene: CellScene, state: CellState
+) -> float:
+    """Do an Euler step from z without constraints; returns as cell_sweep.drift."""
+    f(now, z, state.velocity)
+    return drift(z, state.y, state.active_base, state.velocity, state.label, h, scene.dim)
 
 
 @inner_kernel
@@ -76,50 +70,48 @@ def calm_steps(
     rebuilds: int,
     at: Pause,
 ) -> Pause:
-    """Do the steps from at.step on, as far as they need no new selection, and return where.
+    """Do the steps from `at` on for which the selection of active candidates holds.
 
+    All that they need is fixed: numba counts references to every array that a loop binds anew, at
+    each turn, and with the lists of candidates among them that took as long as the steps.
     begin, end, substeps: the interval and its steps; z (n dim,): positions before the step, by
     label, overwritten by those after the last one that was done; active: candidates that are
-    active; rebuilds: lists built. Other arguments as in cell_loop.march.
+    active; rebuilds: lists built. Other arguments as in march. Returns where it stopped.
     """
-    scene = borrowed(scene)
-    state = borrowed(state)
-    lists = borrowed(lists)
+    scene, state, lists, z = borrowed((scene, state, lists, z))
     y = state.y
-    base = state.active_base
-    label = state.label
-    dim = scene.dim
-    z = borrowed(z)
     h = (end - begin) / substeps
-    control = at.control
-    skins = at.skins
-    work = at.work
-    tied = at.tied
-    for s in range(at.step, substeps):
+    s, _, u, far, attempts, work, tied, resumed, control, skins = at
+    while s < substeps:
         now = begin + s * h
-        f(now, z, state.velocity)
-        far = drift(z, y, base, state.velocity, label, h, dim)
-        if not far >= 0.0:
-            return Pause(s, now, 0, far, 0, work, tied, control, skins)
-        if scene.moving:
-            b_of(end if s + 1 == substeps else begin + (s + 1) * h, scene.b)
-        control = with_age(control, control.age + 1)
-        for u in range(sweeps):
+        if not resumed:
+            far = move_freely(f, now, h, z, scene, state)
+            if not far >= 0.0:
+                return Pause(s, now, 0, far, 0, work, tied, False, control, skins)
+            if scene.moving:
+                b_of(end if s + 1 == substeps else begin + (s + 1) * h, scene.b)
+            control = with_age(control, control.age + 1)
+            u = 0
+            attempts = 0
+        while u < sweeps:
             if u > 0:
-                far = farthest(y, base, dim, label.size)
                 state.sweep_start[:] = y
-            if needs_selection(far, 0, rebuilds, control, skins.certified):
-                return Pause(s, now, u, far, 0, work, tied, control, skins)
+                far = farthest(y, state.active_base, scene.dim, state.label.size)
+            if not resumed and needs_selection(far, attempts, rebuilds, control, skins.certified):
+                return Pause(s, now, u, far, attempts, work, tied, False, control, skins)
+            resumed = False
             done, coincide, broken = sweep_active(scene, state, lists, active, skins.certified)
             if broken:
                 undo_sweep(z, scene, state, lists, h, u == 0, done)
                 control = adapt_to_undone_sweep(control, skins.active)
-                return Pause(s, now, u, far, 1, work, tied, control, skins)
+                return Pause(s, now, u, far, attempts + 1, work, tied, False, control, skins)
             work += done
             tied = tied or coincide
-        control, skins = adapt_after_step(control, skins, 0)
-        settle(z, y, state.velocity, state.reaction, label, h, dim)
-    return Pause(substeps, end, 0, 0.0, 0, work, tied, control, skins)
+            u += 1
+        control, skins = adapt_after_step(control, skins, attempts)
+        settle(z, y, state.velocity, state.reaction, state.label, h, scene.dim)
+        s += 1
+    return Pause(substeps, end, 0, 0.0, 0, work, tied, False, control, skins)
 
 
 @njit(cache=True, error_model="numpy")
@@ -134,12 +126,12 @@ def march(f, b_of, t, substeps, sweeps, x, reach, scene, state, arrays, X, R) ->
     R[0] = 0.0
     records = np.empty((0, 4), np.int32), np.empty(0), 0
     zero = np.int64(0)  # no literal: one version of the functions it is given to
-    at = Pause(zero, t[0], zero, 0.0, zero, zero, False, control, skins)
+    at = Pause(zero, t[0], zero, 0.0, zero, zero, False, False, control, skins)
     for k in range(t.size - 1):
         m = substeps[k]
         X[k + 1] = X[k]
         z = X[k + 1]
-        at = at_step(at, zero)
+        at = next_interval(at)
         while at.step < m:
             at = calm_steps(
                 f,
@@ -156,16 +148,14 @@ def march(f, b_of, t, substeps, sweeps, x, reach, scene, state, arrays, X, R) ->
                 counts.rebuilds,
                 at,
             )
-            if at.step == m:
-                break
-            if not at.far >= 0.0:
-                X[k + 1 :] = np.nan
-                R[k + 1 :] = np.nan
-                return loop_result(X, R, records, StepCode.NAN, at, counts)
-            h = (t[k + 1] - t[k]) / m
-            lists, counts, at = restless_step(z, h, sweeps, scene, state, lists, counts, at)
-            if counts.count < 0:
-                return loop_result(X, R, records, StepCode.LIST_OVERFLOW, at, counts)
+            if at.step < m:
+                if not at.far >= 0.0:
+                    X[k + 1 :] = np.nan
+                    R[k + 1 :] = np.nan
+                    return loop_result(X, R, records, StepCode.NAN, at, counts)
+                lists, counts, at = reselect(scene, state, lists, counts, at)
+                if counts.count < 0:
+                    return loop_result(X, R, records, StepCode.LIST_OVERFLOW, at, counts)
         records, lists = end_sample(k + 1, scene, state, lists, counts, records, R[k + 1])
     return loop_result(X, R, records, StepCode.TIED if at.tied else StepCode.OK, at, counts)
 

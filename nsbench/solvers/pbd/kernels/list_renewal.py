@@ -1,4 +1,4 @@
-"""Renew the list of candidates of cell_loop, and finish a step that needs that.
+"""Renew the list of candidates of cell_loop, and select the active ones.
 
 The list (cell_storage) holds what can become active while no particle is farther than skin / 2 from
 where it was built; the active candidates (active_candidates) are those of it that can while none is
@@ -24,15 +24,12 @@ from nsbench.solvers.pbd.kernels.cell_storage import (
     no_impulses,
     rebuild,
 )
-from nsbench.solvers.pbd.kernels.cell_sweep import drift, farthest, settle, sweep_stored
+from nsbench.solvers.pbd.kernels.cell_sweep import drift, farthest, sweep_stored
 from nsbench.solvers.pbd.kernels.skin_control import (
     HALF,
     SkinControl,
     Skins,
-    adapt_after_step,
     adapt_to_pace,
-    adapt_to_undone_sweep,
-    needs_selection,
     with_age,
 )
 
@@ -67,8 +64,8 @@ class Pause(NamedTuple):
     step: how many are done; of the next one, unless that is all, the drift is done, and `sweep`
     sweeps; then the active candidates must be selected anew. time: at the start of that step. far:
     largest squared displacement since they were selected; NaN where the drift is not finite.
-    attempts: how often that sweep was undone. work: projections done. tied: whether centres
-    coincided. control, skins: adapted.
+    attempts: sweeps of the step that were undone. work: projections done. tied: whether centres
+    coincided. is_selected: whether the candidates are selected now. control, skins: adapted.
     """
 
     step: int
@@ -78,8 +75,16 @@ class Pause(NamedTuple):
     attempts: int
     work: int
     tied: bool
+    is_selected: bool
     control: SkinControl
     skins: Skins
+
+
+@fused_njit
+def next_interval(at: Pause) -> Pause:
+    """Return the pause before the first step of the next interval."""
+    zero = np.int64(0)
+    return Pause(zero, at.time, zero, 0.0, zero, at.work, at.tied, False, at.control, at.skins)
 
 
 @inner_kernel
@@ -184,21 +189,31 @@ def initialise(
     )
 
 
-@inner_kernel
-def reselect(
-    scene, state, lists, counts, skins, control, far, attempts
-) -> tuple[CandidateLists, ListState, Skins, SkinControl]:
+@njit(cache=True, error_model="numpy")
+def reselect(scene, state, lists, counts, at) -> tuple[CandidateLists, ListState, Pause]:
     """Select the active candidates at the positions y, with a skin that suits the pace.
 
-    far: largest squared displacement since the last selection; attempts: sweeps of this step
-    undone. Returns lists, counts (count -1 where the list gets too long), skins and control.
+    Returns lists, counts (count -1 where the list gets too long), and the pause to go on from.
     """
-    if attempts == 0:
-        control = adapt_to_pace(control, far, counts.rebuilds)
+    control = at.control
+    if at.attempts == 0:
+        control = adapt_to_pace(control, at.far, counts.rebuilds)
     width = max(control.widened, inner_skin(control.pace, control.radius, control.least))
-    skins = Skins(skins.pairs, width, skins.rows, skins.certified)
+    skins = Skins(at.skins.pairs, width, at.skins.rows, at.skins.certified)
     lists, counts, skins = refresh_candidates(scene, control.least, state, lists, counts, skins)
-    return lists, counts, skins, with_age(control, 0)
+    at = Pause(
+        at.step,
+        at.time,
+        at.sweep,
+        at.far,
+        at.attempts,
+        at.work,
+        at.tied,
+        True,
+        with_age(control, 0),
+        skins,
+    )
+    return lists, counts, at
 
 
 @fused_njit
@@ -244,48 +259,3 @@ def sweep_active(
         arrays.log_mu,
         scene.record,
     )
-
-
-@njit(cache=True, error_model="numpy")
-def restless_step(
-    z, h, sweeps, scene, state, lists, counts, at
-) -> tuple[CandidateLists, ListState, Pause]:
-    """Finish a step that needs a selection of the active candidates, from sweep at.sweep on.
-
-    Arguments as in calm_steps. Returns lists, counts (count -1 where the list gets too long) and
-    the pause after the step.
-    """
-    control = at.control
-    skins = at.skins
-    far = at.far
-    attempts = at.attempts
-    work = at.work
-    tied = at.tied
-    for u in range(at.sweep, sweeps):
-        if u > 0:
-            far = farthest(state.y, state.active_base, scene.dim, state.label.size)
-            state.sweep_start[:] = state.y
-        # sweep under the certificate: undone, and done again with wider lists, if it fails
-        broken = True
-        while broken:
-            if needs_selection(far, attempts, counts.rebuilds, control, skins.certified):
-                lists, counts, skins, control = reselect(
-                    scene, state, lists, counts, skins, control, far, attempts
-                )
-                if counts.count < 0:
-                    return lists, counts, at
-                if u > 0:
-                    state.sweep_start[:] = state.y
-            done, coincide, broken = sweep_active(
-                scene, state, lists, counts.active, skins.certified
-            )
-            if broken:
-                undo_sweep(z, scene, state, lists, h, u == 0, done)
-                control = adapt_to_undone_sweep(control, skins.active)
-                attempts += 1
-        work += done
-        tied = tied or coincide
-    control, skins = adapt_after_step(control, skins, attempts)
-    settle(z, state.y, state.velocity, state.reaction, state.label, h, scene.dim)
-    zero = np.int64(0)  # no literal: one version of the functions it is given to
-    return lists, counts, Pause(at.step + 1, at.time, zero, 0.0, zero, work, tied, control, skins)
