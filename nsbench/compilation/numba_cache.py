@@ -28,7 +28,8 @@ from nsbench.source_files import file_state
 from nsbench.source_files.locations import ROOT, is_in_package
 
 KERNEL_FOLDERS = ("kernels", "linalg", "lcp")  # whatever lies below these is a kernel file
-DECORATORS = Path("compilation") / "decorators.py"
+# what kernels take from the folder `compilation`
+FOR_KERNELS = ("compilation/borrowed_arrays.py", "compilation/decorators.py")
 COMPILES = re.compile(rb"^from nsbench\.compilation\.decorators import", re.M)
 
 
@@ -45,7 +46,7 @@ def _is_kernel_file(path: Path) -> bool:
     place = path.relative_to(ROOT)
     return (
         bool({*KERNEL_FOLDERS} & {*place.parts[:-1]})
-        or place == DECORATORS
+        or place.as_posix() in FOR_KERNELS
         or COMPILES.search(path.read_bytes()) is not None
     )
 
