@@ -60,6 +60,13 @@ def test_named_faults_apply_and_are_looked_for_where_they_lie(studies):
     assert methods_of(["nsbench/measure/errors.py"]) == METHODS
 
 
+def test_every_fault_of_the_mutation_study_applies_once(studies):
+    from mutations import FAULTS
+
+    for name, (file, text, _, _) in FAULTS.items():
+        assert (ROOT / file).read_text(encoding="utf-8").count(text) == 1, name
+
+
 def test_a_fault_without_effect_is_drawn_again_and_no_other_with_it(studies, monkeypatch):
     import drawn_faults
 

@@ -137,8 +137,8 @@ FAULTS = {
     ),
     "estimate: the largest coordinate is the size of all": (
         "nsbench/dynamics/scaling/estimate.py",
-        "        own = _filled(np.where(moved > 0.0, moved, sizes))\n",
-        "        own = np.full(case.n, np.where(moved > 0.0, moved, sizes).max())\n",
+        "        own = _filled(np.where((far > FARTHER * own) & (own > 0.0), far, own))\n",
+        "        own = np.full(case.n, max(own.max(), far.max()))\n",
         METAMORPHIC,
     ),
     "estimate: the time is that of the run": (
