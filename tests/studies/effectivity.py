@@ -1,6 +1,7 @@
 """Effectivity of error bars: over the true errors, for methods, cases and steps.
 
-    python tests/studies/effectivity.py [CASE ...] [--steps 3] [--own 12] [-s METHOD ...]
+    python tests/studies/effectivity.py [CASE ...] [--steps 3] [--own 12 [--stiff]]
+        [-s METHOD ...]
     python tests/studies/effectivity.py --prox-regular
 
 One line for each case and method: whether its error bars are a bound or an estimate, the range of
@@ -9,8 +10,9 @@ over the samples), and the least ratio of error bar and error at any sample whos
 times the bound of the reference. Then how many bounds were below an error at some sample, and how
 many estimates had an effectivity outside 1 to 10, by name. --own N: N scenes drawn by a seed
 instead, half of them points between oblique walls under turning drifts, half discs that are drawn
-together in the plane and pulled about; event_driven is their truth. --prox-regular: by how much a
-bound that holds for discs, which are no convex set, would grow along the exact motion.
+together in the plane and pulled about; event_driven is their truth. --stiff: points alone, pulled
+by stiff springs. --prox-regular: by how much a bound that holds for discs, which are no convex set,
+would grow along the exact motion.
 """
 
 import argparse
@@ -60,6 +62,30 @@ def walls_scene(seed):
     problem = Complementarity(drift, (Affine(A=N, b=gaps),))
     t = np.linspace(0.0, 3.0, 31)
     return Case(name=f"walls_{seed}", problem=problem, x0=np.zeros(n), t=t)
+
+
+def stiff_scene(seed):
+    """A point between oblique walls that springs pull to a place that goes round, at rates from 1
+    to 316: samples lie up to 30 times as far apart as the drift forgets."""
+    rng = np.random.default_rng(seed)
+    walls = walls_scene(seed)
+    n = walls.n
+    axes = np.linalg.qr(rng.normal(size=(n, n)))[0]
+    A = axes @ np.diag(10.0 ** rng.uniform(0.0, 2.5, n)) @ axes.T
+    amplitude = rng.uniform(0.3, 1.5, n)
+    rate = rng.uniform(1.0, 6.0, n)
+    phase = rng.uniform(0.0, 6.0, n)
+
+    def drift(xp):
+        a, amp, w, p = (xp.asarray(v) for v in (A + 0.0, amplitude, rate, phase))
+
+        def f(t, x):
+            return a @ (amp * xp.sin(w * t + p) - x)
+
+        return f
+
+    problem = Complementarity(drift, walls.problem.constraints)
+    return Case(name=f"stiff_{seed}", problem=problem, x0=np.zeros(n), t=walls.t)
 
 
 def discs_scene(seed):
@@ -155,6 +181,7 @@ def main():
     parser.add_argument("cases", nargs="*", default=[*BOUNDS, *ESTIMATES])
     parser.add_argument("--steps", type=int, default=3)
     parser.add_argument("--own", type=int, default=0, metavar="N")
+    parser.add_argument("--stiff", action="store_true")
     parser.add_argument("-s", "--methods", nargs="+", default=METHODS)
     parser.add_argument("--prox-regular", action="store_true")
     args = parser.parse_args()
@@ -166,7 +193,8 @@ def main():
     below = []
     outside = []
     pairs = 0
-    own = [(walls_scene, discs_scene)[k % 2](SEED + k) for k in range(args.own)]
+    scenes = (stiff_scene,) if args.stiff else (walls_scene, discs_scene)
+    own = [scenes[k % len(scenes)](SEED + k) for k in range(args.own)]
     for case in own or map(get_case, args.cases):
         name = case.key
         for method in args.methods:
