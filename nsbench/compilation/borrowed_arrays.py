@@ -10,7 +10,8 @@ from __future__ import annotations
 from typing import TypeVar
 
 from llvmlite.ir import DoubleType
-from numba.core import cgutils, types
+from numba.core import cgutils, ir_utils, types
+from numba.core.errors import TypingError
 from numba.extending import intrinsic, overload
 from numba.np.arrayobj import populate_array
 
@@ -18,12 +19,21 @@ Arrays = TypeVar("Arrays")
 
 
 def borrowed(arrays: Arrays) -> Arrays:
-    """Return an array, or a tuple with arrays in it, whose references are not counted.
+    """Return an array, or a tuple of arrays and numbers, whose references are not counted.
 
-    The caller holds the arrays as long as what is returned, or a slice of it, is used. A borrowed
-    array must not be returned to Python.
+    For arguments of a kernel, which its caller holds: numba drops a variable of the kernel's own
+    after its last use, which this may be. What is borrowed must not be returned or kept. Raises
+    numba's TypingError for a tuple with anything else in it.
     """
     return arrays
+
+
+def _is_written_through(result, args, aliases, of_arguments):
+    """Tell numba that a write to what was borrowed is one to the array, and no dead code."""
+    ir_utils._add_alias(result, args[0].name, aliases, of_arguments)
+
+
+ir_utils.alias_func_extensions[("borrowed", __name__)] = _is_written_through
 
 
 @overload(borrowed, jit_options={"forceinline": True})
@@ -36,7 +46,16 @@ def _without_owner(typing_context, arrays):
     def generate(context, builder, signature, args):
         return _released(context, builder, signature.args[0], args[0])
 
+    if not _has_no_other_owner(arrays):
+        raise TypingError(f"borrowed takes arrays and numbers; this is {arrays}")
     return arrays(arrays), generate
+
+
+def _has_no_other_owner(kind):
+    """Return whether arrays are all in a value whose references are counted."""
+    if isinstance(kind, types.BaseTuple):
+        return all(map(_has_no_other_owner, kind.types))
+    return isinstance(kind, (types.Array, types.Number, types.Boolean))
 
 
 def _released(context, builder, kind, value):

@@ -135,7 +135,7 @@ def compiled(name: str | None, signature: Signature, function: Callable) -> CFun
     if (
         name is not None
         and disk_cache.cache_folder("pointers") is not None
-        and _stands_alone(found.result)
+        and stands_alone(callback)
     ):
         code = found.result.library.serialize_using_object_code()[2][0]
         if not any(word in code for word in PROCESS_BOUND):
@@ -146,8 +146,10 @@ def compiled(name: str | None, signature: Signature, function: Callable) -> CFun
     return callback
 
 
-def _stands_alone(result) -> bool:
-    """Does the code neither contain addresses of this process nor use Python objects?"""
+def stands_alone(callback: CFunc) -> bool:
+    """Return whether the code of a callback of `compiled` holds no addresses of this process and
+    uses no Python objects."""
+    result = callback._cache.result
     return not (
         result.library.has_dynamic_globals
         or result.reload_init

@@ -59,9 +59,9 @@ def as_numpy(factory: Callable) -> Callable:
 def _pointer(factory, signature, make, make_scaled=None):
     """Return a pointer of `signature` to make(function): a cfunc, or one that was stored on disk.
 
-    make: a function of this module, identified by its name; make_scaled(function, scaling) does the
-    same for one that has a Scaling. Raises CompileError with numba's reason. The pointer is an
-    address of machine code, so the caller keeps it alive (numba holds a reference).
+    make: a function of this module, identified by its name; make_scaled(function, scaling, room)
+    does the same for one that has a Scaling. Raises CompileError with numba's reason. The pointer
+    is an address of machine code, so the caller keeps it alive (numba holds a reference).
     """
     from numba.core.errors import NumbaError
 
@@ -74,15 +74,29 @@ def _pointer(factory, signature, make, make_scaled=None):
         if found is not None:
             return found
         scaling = getattr(function, "scaling", None) if make_scaled else None
-        if scaling is not None:
+        if isinstance(scaling, Scaling):
             try:
-                fill = make_scaled(_compiled(scaling.function), scaling)
-                return cfunc_cache.compiled(name, signature, fill)
-            except NumbaError:  # a number, or an array of more dimensions: times `unit` it is flat
+                return _scaled_pointer(name, signature, make_scaled, scaling)
+            except (NumbaError, CompileError):  # a number, say, which times `unit` is an array
                 pass
         return cfunc_cache.compiled(name, signature, make(_compiled(function)))
     except (NumbaError, NotImplementedError) as e:
         raise CompileError(_reason(str(e))) from None
+
+
+def _scaled_pointer(name, signature, make, scaling):
+    """Return a pointer as _pointer does, to make(function, scaling, room).
+
+    room: coordinates for which there is room on the stack; none for functions that go back to
+    Python, which could keep an array.
+    """
+    from nsbench.compilation import cfunc_cache
+
+    function = _compiled(scaling.function)
+    found = cfunc_cache.compiled(name, signature, make(function, scaling, STACK))
+    if cfunc_cache.stands_alone(found):
+        return found
+    return cfunc_cache.compiled(None, signature, make(function, scaling, 0))
 
 
 def _reason(text: str) -> str:
@@ -105,7 +119,11 @@ def _compiled(f, callers=()):
     """
     import numba
 
-    if isinstance(f, types.FunctionType) and f.__closure__:
+    if hasattr(f, "py_func"):  # compiled by whoever wrote it
+        return f
+    if not isinstance(f, types.FunctionType):
+        raise CompileError(f"an object of class {type(f).__qualname__} is no function of Python")
+    if f.__closure__:
         callers = (*callers, f)
         cells = []
         for cell in f.__closure__:
@@ -133,14 +151,14 @@ def _types():
 STACK = 512  # coordinates whose scaled values lie on the stack
 
 
-def _scaled_state(size):
-    """Return a kernel (x) -> size x, on the stack of its caller if x is short."""
+def _scaled_state(size, room):
+    """Return a kernel (x) -> size x, on the stack of its caller if there is room for it."""
     import numba
 
     from nsbench.compilation.borrowed_arrays import stack_array
 
     def scaled(x: np.ndarray) -> np.ndarray:
-        y = stack_array(x.size) if x.size <= STACK else np.empty(x.size)
+        y = stack_array(x.size) if x.size <= room else np.empty(x.size)
         for i in range(x.size):
             y[i] = size[i if size.size > 1 else 0] * x[i]
         return y
@@ -160,11 +178,11 @@ def _store_scaled(unit):
     return numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True)(store)
 
 
-def _fill_scaled(f, scaling):
+def _fill_scaled(f, scaling, room):
     """Return the function that rhs_cfunc compiles of one with a Scaling."""
     origin = scaling.origin
     time = scaling.time
-    state = _scaled_state(np.ravel(scaling.size))
+    state = _scaled_state(np.ravel(scaling.size), room)
     store = _store_scaled(np.ravel(scaling.unit))
 
     def fill(t: float, x: np.ndarray, out: np.ndarray) -> None:
@@ -175,11 +193,11 @@ def _fill_scaled(f, scaling):
     return fill
 
 
-def _fill_scaled_signed(f, scaling):
+def _fill_scaled_signed(f, scaling, room):
     """Return the function that signed_rhs_cfunc compiles of one with a Scaling."""
     origin = scaling.origin
     time = scaling.time
-    state = _scaled_state(np.ravel(scaling.size))
+    state = _scaled_state(np.ravel(scaling.size), room)
     store = _store_scaled(np.ravel(scaling.unit))
 
     def fill(t: float, x: np.ndarray, s: np.ndarray, out: np.ndarray) -> None:

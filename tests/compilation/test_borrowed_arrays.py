@@ -2,9 +2,13 @@
 
 from typing import NamedTuple
 
+import numba
 import numpy as np
 import pytest
+from numba.core.errors import TypingError
 
+import nsbench
+from nsbench import Affine, Case, Complementarity
 from nsbench.compilation.borrowed_arrays import borrowed, stack_array
 from nsbench.compilation.decorators import inlined, njit
 from nsbench.compilation.factories import STACK, Scaling, as_numpy, rhs_cfunc, signed_rhs_cfunc
@@ -42,6 +46,29 @@ def test_what_is_written_to_a_borrowed_array_is_in_the_array():
     assert write(outer, 2) == 7
     assert np.array_equal(outer.values, [3.0, 3.0, 0.0, 1.0])
     assert np.array_equal(outer.inner.values, [3.0])
+
+
+@njit
+def write_beside_a_closure(outer, n):
+    lent = borrowed(outer)
+    after = lambda i: i + 1.0  # numba removes dead code where it inlines one
+    lent.values[0] = after(n)
+    lent.inner.values[0] = sum([after(i) for i in range(n)])
+
+
+def test_a_write_beside_a_closure_is_no_dead_code():
+    outer = Outer(Inner(np.zeros(1)), np.zeros(4), 7)
+    write_beside_a_closure(outer, 2)
+    assert outer.values[0] == 3.0 and outer.inner.values[0] == 3.0
+
+
+def test_a_tuple_with_other_owners_is_not_borrowed():
+    @njit
+    def lend(values):
+        return borrowed((values, [values]))[0].size
+
+    with pytest.raises(TypingError, match="borrowed takes arrays and numbers"):
+        lend(np.zeros(2))
 
 
 def test_in_python_a_borrowed_array_is_the_array():
@@ -123,6 +150,57 @@ def test_a_callback_in_own_units_gives_the_bits_of_numpy(factory, size, unit):
     out, scaled = called(factory, x, size, unit, 3)
     assert np.array_equal(out, np.broadcast_to(as_numpy(scaled)(0.3, x), 3))
     assert np.array_equal(x, [0.1, -0.7, 3.0])
+
+
+KEPT = []
+
+
+def test_what_a_drift_keeps_in_python_is_not_on_the_stack():
+    def keeping(xp):
+        def f(t, x):
+            with numba.objmode():
+                KEPT.append(x)
+            return x
+
+        return f
+
+    KEPT.clear()
+    for start in (1.0, 2.0, 3.0):
+        called(keeping, np.full(3, start), np.array([2.0]), np.array([0.5]), 3)
+    assert [k.tolist() for k in KEPT] == [[2.0] * 3, [4.0] * 3, [6.0] * 3]
+
+
+def test_an_attribute_of_a_drift_of_that_name_means_nothing():
+    def named(xp):
+        def f(t, x):
+            return -x
+
+        f.scaling = 2.0
+        return f
+
+    x = np.array([0.1, -0.7, 3.0])
+    out = np.zeros(3)
+    call(rhs_cfunc(named, 3), 0.3, x, out)
+    assert np.array_equal(out, -x)
+    out, _ = called(named, x, np.ones(1), np.array([0.5]), 3)
+    assert np.array_equal(out, -0.5 * x)
+
+
+class Pull:
+    """A drift that is no function of Python."""
+
+    def __call__(self, t, x):
+        return -x
+
+
+@pytest.mark.parametrize("make", [lambda xp: Pull(), lambda xp: numba.njit(lambda t, x: -x)])
+@pytest.mark.parametrize("method", ["pbd", "theta"])
+def test_a_drift_that_is_another_callable_is_run(make, method):
+    walls = (Affine(np.eye(2), np.full(2, -0.5)),)
+    case = Case("pull", Complementarity(make, walls), np.ones(2), np.linspace(0.0, 1.0, 5))
+    plain = case.replace(problem=Complementarity(lambda xp: lambda t, x: -x, walls))
+    x = nsbench.solve(case, method, h=0.05).x
+    assert np.array_equal(x, nsbench.solve(plain, method, h=0.05).x)
 
 
 def test_more_coordinates_than_the_stack_has_room_for_are_scaled_too():

@@ -194,7 +194,8 @@ def _signed(factory, t0, T, S):
 def _composed(outer: Scaling) -> Scaling:
     """Return one scaling for two, where the outer one leaves time and state as they are."""
     inner = getattr(outer.function, "scaling", None)
-    if inner is None or outer.origin != 0.0 or outer.time != 1.0 or np.any(outer.size != 1.0):
+    is_same = outer.origin == 0.0 and outer.time == 1.0 and np.all(outer.size == 1.0)
+    if not isinstance(inner, Scaling) or not is_same:
         return outer
     return dataclasses.replace(inner, unit=outer.unit * inner.unit)
 

@@ -150,6 +150,22 @@ def test_many_contacts_are_kept_as_an_array_that_reads_like_the_tuple():
     )
 
 
+@pytest.mark.parametrize("largest", [40, 10**6, 2**31 - 1])
+def test_records_are_summed_whatever_their_indices(largest):
+    rng = np.random.default_rng(5)
+    ids = np.sort(rng.integers(0, 40, (3000, 4)), axis=1)[:, [0, 1, 2, 3]]
+    ids[:, 1] %= 3
+    ids[rng.integers(0, 3000, 500), 3] = -1
+    ids[0, 3] = largest
+    values = rng.uniform(size=3000)
+    names, impulse = cumulate(ids, values, 40)
+    want, column = np.unique(ids[:, 1:], axis=0, return_inverse=True)
+    assert [(*name, -1)[:3] for name in names] == [tuple(w) for w in want.tolist()]
+    total = np.zeros(impulse.shape)
+    np.add.at(total, (ids[:, 0], column.ravel()), values)
+    assert np.allclose(impulse, np.cumsum(total, axis=0))
+
+
 def test_a_run_with_many_contacts_is_returned_like_one_with_few(monkeypatch):
     case = nsbench.get_case("discs", n=10)
     few = nsbench.solve(case, "pbd", h=0.01)

@@ -62,10 +62,10 @@ class Pause(NamedTuple):
     """Where an interval of equal steps has got to.
 
     step: how many are done; of the next one, unless that is all, the drift is done, and `sweep`
-    sweeps; then the active candidates must be selected anew. time: at the start of that step. far:
-    largest squared displacement since they were selected; NaN where the drift is not finite.
-    attempts: sweeps of the step that were undone. work: projections done. tied: whether centres
-    coincided. is_selected: whether the candidates are selected now. control, skins: adapted.
+    sweeps, and the active candidates are to be selected or, if is_selected, have been. time: at the
+    start of that step. far: largest squared displacement since the selection before; NaN where the
+    drift is not finite. attempts: sweeps of the step that were undone. work: projections done.
+    tied: whether centres coincided. control, skins: adapted.
     """
 
     step: int

@@ -134,7 +134,6 @@ def sweep(
     rows = borrowed(rows)
     work = 0
     tied = False
-    # taken out of the tuple once: numba counts references at every use of one of its arrays
     _, _, _, _, p, q, d, sign, dim = lists
     kind = lists.kind
     # Gauss-Seidel sweep: each projection starts from where the last one left x.
