@@ -39,6 +39,20 @@ SEED = 20261125
 EXACT = 1e-9  # of the size of the state: errors below are none that a method makes
 
 
+def waves(A, B, rate, phase):
+    """The drift A x + B cos(rate t + phase) in n dimensions: its factory."""
+
+    def drift(xp):
+        a, b, w, p = (xp.asarray(v + 0.0) for v in (A, B, rate, phase))
+
+        def f(t, x):
+            return a @ x + b @ xp.cos(w * t + p)
+
+        return f
+
+    return drift
+
+
 def walls_scene(seed):
     """A point in 2 to 4 dimensions between oblique walls, under a drift that turns."""
     rng = np.random.default_rng(seed)
@@ -47,43 +61,22 @@ def walls_scene(seed):
     N /= np.linalg.norm(N, axis=1)[:, None]
     gaps = rng.uniform(0.1, 0.6, len(N))
     A = rng.normal(size=(n, n)) * 0.5
-    amplitude = rng.uniform(0.5, 2.0, n)
-    rate = rng.uniform(1.0, 6.0, n)
-    phase = rng.uniform(0.0, 6.0, n)
-
-    def drift(xp):
-        a, amp, w, p = (xp.asarray(v) for v in (A + 0.0, amplitude, rate, phase))
-
-        def f(t, x):
-            return a @ x + amp * xp.cos(w * t + p)
-
-        return f
-
+    B = np.diag(rng.uniform(0.5, 2.0, n))
+    drift = waves(A, B, rng.uniform(1.0, 6.0, n), rng.uniform(0.0, 6.0, n))
     problem = Complementarity(drift, (Affine(A=N, b=gaps),))
-    t = np.linspace(0.0, 3.0, 31)
-    return Case(name=f"walls_{seed}", problem=problem, x0=np.zeros(n), t=t)
+    return Case(name=f"walls_{seed}", problem=problem, x0=np.zeros(n), t=np.linspace(0.0, 3.0, 31))
 
 
 def stiff_scene(seed):
-    """A point between oblique walls that springs pull to a place that goes round, at rates from 1
-    to 316: samples lie up to 30 times as far apart as the drift forgets."""
+    """A point between the walls of walls_scene that springs pull to a place that goes round, at
+    rates from 1 to 316: samples lie up to 30 times as far apart as the drift forgets."""
     rng = np.random.default_rng(seed)
     walls = walls_scene(seed)
     n = walls.n
     axes = np.linalg.qr(rng.normal(size=(n, n)))[0]
     A = axes @ np.diag(10.0 ** rng.uniform(0.0, 2.5, n)) @ axes.T
-    amplitude = rng.uniform(0.3, 1.5, n)
-    rate = rng.uniform(1.0, 6.0, n)
-    phase = rng.uniform(0.0, 6.0, n)
-
-    def drift(xp):
-        a, amp, w, p = (xp.asarray(v) for v in (A + 0.0, amplitude, rate, phase))
-
-        def f(t, x):
-            return a @ (amp * xp.sin(w * t + p) - x)
-
-        return f
-
+    B = A @ np.diag(rng.uniform(0.3, 1.5, n))
+    drift = waves(-A, B, rng.uniform(1.0, 6.0, n), rng.uniform(0.0, 6.0, n) - 0.5 * np.pi)
     problem = Complementarity(drift, walls.problem.constraints)
     return Case(name=f"stiff_{seed}", problem=problem, x0=np.zeros(n), t=walls.t)
 
