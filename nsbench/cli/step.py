@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable
 from nsbench import solvers
 from nsbench.cli.exit_codes import FAILED, FINE
 from nsbench.cli.option_values import find_one_case
+from nsbench.compilation.announcement import announced_compilation
 from nsbench.problem import Complementarity
 
 DIGITS = 10  # of an accuracy, which is a number of few digits
@@ -30,7 +31,8 @@ def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
         force = "reaction" if isinstance(case.problem, Complementarity) else "impulse"
         say(f"{'method':<28} {'needs':<16} {_cells(COLUMNS)} {force:>9}  how sure")
     for spec in asked:
-        choices.append(choose(case, spec, demand))
+        with announced_compilation(spec):
+            choices.append(choose(case, spec, demand))
         if not args.json:
             say(_line(choices[-1], force))
     best = cheapest(choices)

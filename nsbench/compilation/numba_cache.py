@@ -23,13 +23,15 @@ import re
 import stat
 from pathlib import Path
 
-from nsbench.compilation import disk_cache, garbage_collection, kernel_store
+from nsbench.compilation import announcement, disk_cache, garbage_collection, kernel_store
 from nsbench.source_files import file_state
 from nsbench.source_files.locations import ROOT, is_in_package
 
 KERNEL_FOLDERS = ("kernels", "linalg", "lcp")  # whatever lies below these is a kernel file
 # what kernels take from the folder `compilation`
-FOR_KERNELS = ("compilation/borrowed_arrays.py", "compilation/decorators.py")
+FOR_KERNELS = tuple(
+    f"compilation/{name}.py" for name in ("borrowed_arrays", "decorators", "inner_compiler")
+)
 COMPILES = re.compile(rb"^from nsbench\.compilation\.decorators import", re.M)
 
 
@@ -132,3 +134,4 @@ store_privately()
 install_cache_stamps()
 kernel_store.install()
 garbage_collection.pause_while_compiling()
+announcement.listen()

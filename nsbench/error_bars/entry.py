@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from nsbench.case import Case
+from nsbench.compilation.announcement import announced_compilation
 from nsbench.dynamics.scaling.estimate import particle_distance
 from nsbench.dynamics.scaling.scaled_case import ScaledCase, scaled_case
 from nsbench.problem import Affine, Complementarity, Distance
@@ -130,7 +131,8 @@ def _computed(case: Case, traj: Trajectory) -> Bars:
     try:
         # matrices are small: threads of BLAS would cost ten times what they compute
         one_thread = _thread_pools().limit(limits=1, user_api="blas")
-        with np.errstate(all="ignore"), own.in_user_units(), one_thread:
+        compiling = announced_compilation("error bars")
+        with np.errstate(all="ignore"), own.in_user_units(), one_thread, compiling:
             found = _in_own_units(case, own, own.scaled(traj))
     except Exception as e:  # a drift may raise anything at a state near those of the run
         return Bars.none(traj.t, f"They could not be computed: {type(e).__name__}: {e}")

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 
 from nsbench import input_errors, user_code
 from nsbench.case import Case, case_module, format_value, get_case, load_module, nearest, parse_spec
+from nsbench.compilation.announcement import announced_compilation
 from nsbench.solvers.base import Solver, check_positive, default_accuracy
 from nsbench.solvers.common.prepared_runs import PreparedRuns
 from nsbench.source_files import plugins
@@ -198,7 +199,8 @@ def solve(case: Case | str, solver: str = "event_driven", **accuracy: float) -> 
     """Run one solver on one case: ``solve(case, "pbd[order=reverse]", h=1e-3)``.
 
     case: a case or the spec of one. accuracy: the solver's own parameter (h, tol, k), else its
-    default is taken. What was prepared for the same case, options and accuracy is used again.
+    default is taken. What was prepared for the same case, options and accuracy is used again. The
+    first call of a method compiles it, and says so to a terminal or a notebook.
     Returns the trajectory, checked by nsbench.diagnostics; a refusal is a trajectory without
     samples and with the status "refused". Raises LookupError or ValueError for bad input,
     TypeError for a method that returns no trajectory, or one of other shapes.
@@ -209,11 +211,12 @@ def solve(case: Case | str, solver: str = "event_driven", **accuracy: float) -> 
     is_kept = _is_of_package(parse_spec(solver)[0])
     key = (case, solver, *((name, repr(value)) for name, value in accuracy.items()))
     run = _prepared.take(key) if is_kept else None
-    if run is None:
-        run = _prepare(case, solver, accuracy)
-        if isinstance(run, Trajectory):
-            return run
-    found = run()
+    with announced_compilation(solver):
+        if run is None:
+            run = _prepare(case, solver, accuracy)
+            if isinstance(run, Trajectory):
+                return run
+        found = run()
     converted = run.to_user_units(found)
     wrong = returned_violation(case, converted)
     if wrong:
