@@ -1,26 +1,37 @@
 """The numba decorators of this package: importing them configures numba's cache.
 
-`njit` and `cfunc` are numba's own. Every kernel takes them from here, so that numba knows where to
-store kernels, and when they are current, before it compiles one (nsbench.compilation.numba_cache).
+`cfunc` is numba's own, and so is `njit`, but that Python alone calls by address what it compiles.
+Every kernel takes them from here, so that numba knows where to store kernels, and when they are
+current, before it compiles one (nsbench.compilation.numba_cache).
 
 Functions that only compiled functions call take `inner_kernel`, `fused_kernel`, `summing_kernel` or
-`inlined`: without entries from Python and C they compile in less time. They are not stored on disk
-themselves: their callers are, with their code in them. Other things cost time to compile: arrays
-assigned to arrays (the message on shapes alone is put together by 25 functions on strings),
-literals as arguments (one version of the function for each), functions of numpy on arrays. Hence
-`one`, and loops.
+`inlined`: they get no machine code of their own (nsbench.compilation.inner_compiler), and are not
+stored on disk: their callers are, with their code in them. Where Python has to call one after all,
+in the loops of functions that numba cannot compile, `python_entry` makes an entry. Other things
+cost time to compile: arrays assigned to arrays (the message on shapes alone is put together by 25
+functions on strings), literals as arguments (one version of the function for each), functions of
+numpy on arrays. Hence `one`, and loops.
 """
+
+from __future__ import annotations
+
+import functools
+from typing import TYPE_CHECKING
 
 import numba
 import numpy as np
-from numba import cfunc, njit
+from numba import cfunc
 
 from nsbench.compilation import numba_cache  # noqa: F401  (configures numba)
+from nsbench.compilation.inner_compiler import InnerCompiler
+
+if TYPE_CHECKING:
+    from numba.core.dispatcher import Dispatcher
 
 __all__ = [
+    "python_entry",
     "cfunc",
     "fused_kernel",
-    "fused_njit",
     "inlined",
     "inner_kernel",
     "njit",
@@ -28,24 +39,32 @@ __all__ = [
     "summing_kernel",
 ]
 
-inner_kernel = numba.njit(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
-# dot products may be summed in lanes
-summing_kernel = numba.njit(
+_inner = functools.partial(
+    numba.njit,
     error_model="numpy",
     no_cpython_wrapper=True,
     no_cfunc_wrapper=True,
-    fastmath={"reassoc", "contract"},
+    pipeline_class=InnerCompiler,
 )
+inner_kernel = _inner()
+# dot products may be summed in lanes
+summing_kernel = _inner(fastmath={"reassoc", "contract"})
 inlined = numba.njit(error_model="numpy", inline="always")
-# LLVM inlines these two into their caller, where reference counts of borrowed arrays vanish; the
-# second can be called from Python too
-fused_kernel = numba.njit(
-    error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, forceinline=True
-)
-fused_njit = numba.njit(cache=True, error_model="numpy", forceinline=True)
+# LLVM inlines it into its caller, where reference counts of borrowed arrays vanish
+fused_kernel = _inner(forceinline=True)
+njit = functools.partial(numba.njit, no_cfunc_wrapper=True)
 
 
 @inner_kernel
 def one() -> int:
     """Return 1 that is no literal."""
     return np.int64(1)
+
+
+@functools.cache
+def python_entry(kernel: Dispatcher) -> Dispatcher:
+    """Return the kernel with an entry from Python: itself, or compiled for that and stored."""
+    options = dict(kernel.targetoptions)
+    if not options.pop("no_cpython_wrapper", False):
+        return kernel
+    return numba.jit(cache=True, **options)(kernel.py_func)

@@ -110,6 +110,17 @@ def _reason(text: str) -> str:
     return f"{what}, line {number}" if number else what
 
 
+def _for_callbacks(f):
+    """Compile a function that callbacks alone call."""
+    import numba
+
+    from nsbench.compilation.inner_compiler import InnerCompiler
+
+    return numba.njit(
+        no_cpython_wrapper=True, no_cfunc_wrapper=True, pipeline_class=InnerCompiler
+    )(f)
+
+
 def _compiled(f, callers=()):
     """Compile the function for compiled callers alone, with the closures that it calls.
 
@@ -117,8 +128,6 @@ def _compiled(f, callers=()):
     cell that holds a Python function is compiled first, but for `callers`, which it would call in a
     circle: numba reports those.
     """
-    import numba
-
     if hasattr(f, "py_func"):  # compiled by whoever wrote it
         return f
     if not isinstance(f, types.FunctionType):
@@ -139,7 +148,7 @@ def _compiled(f, callers=()):
                 )
             )
         f = types.FunctionType(f.__code__, f.__globals__, f.__name__, f.__defaults__, tuple(cells))
-    return numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True)(f)
+    return _for_callbacks(f)
 
 
 def _types():
@@ -169,13 +178,12 @@ def _scaled_state(size, room):
 
 def _store_scaled(unit):
     """Return a kernel that writes unit v to `out`, or nothing if v is neither as long nor one."""
-    import numba
 
     def store(v: np.ndarray, out: np.ndarray) -> None:
         for i in range(out.size if v.size == out.size or v.size == 1 else 0):
             out[i] = unit[i if unit.size > 1 else 0] * v[i if v.size > 1 else 0]
 
-    return numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True)(store)
+    return _for_callbacks(store)
 
 
 def _fill_scaled(f, scaling, room):

@@ -12,7 +12,7 @@ Loops stand where numpy would add rows: its broadcasting takes numba seconds to 
 
 import numpy as np
 
-from nsbench.compilation.decorators import njit
+from nsbench.compilation.decorators import inner_kernel, njit
 from nsbench.lcp.gram_lcp import solve_lcp
 from nsbench.linalg.gauss_elimination import solve_gauss
 from nsbench.linalg.rank import near_singular, orthonormal
@@ -48,7 +48,7 @@ def scales(M: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return a, b
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def slack(M: np.ndarray, r: np.ndarray, lam: np.ndarray, w: np.ndarray) -> bool:
     """Fill w (m,) with r + M lam, M (m, m), r, lam (m,).
 
@@ -74,7 +74,7 @@ def slack(M: np.ndarray, r: np.ndarray, lam: np.ndarray, w: np.ndarray) -> bool:
     return good
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def by_support(
     M: np.ndarray, r: np.ndarray, on: np.ndarray, lam: np.ndarray, w: np.ndarray
 ) -> bool:
@@ -114,7 +114,7 @@ def by_support(
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def _leaving(T, col, basis, m, z0):
     """Return the row that leaves for column `col` by the lexicographic ratio test, -1 on a ray; the
     artificial variable z0 goes first."""
@@ -141,7 +141,7 @@ def _leaving(T, col, basis, m, z0):
     return best
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def lemke(M: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, bool, int]:
     """Solve scaled data by Lemke's complementary pivots with the covering vector of ones.
 
@@ -234,7 +234,7 @@ def solve(
     return False, count
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def has_other_motion(
     M: np.ndarray, r: np.ndarray, G: np.ndarray, lam: np.ndarray, size: float
 ) -> bool:
@@ -260,7 +260,7 @@ def has_other_motion(
     return False
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def _null_space_projector(Vt, rank, b, idx):
     """Return the orthogonal projector (p, p) onto the null space that the rows `rank` .. of Vt span
     after the scaling b of the columns idx is undone."""
@@ -278,7 +278,7 @@ def _null_space_projector(Vt, rank, b, idx):
     return P
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def least_norm_solution(
     M: np.ndarray, r: np.ndarray, a: np.ndarray, b: np.ndarray, lam: np.ndarray, w: np.ndarray
 ) -> None:

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from nsbench.compilation.decorators import njit
+from nsbench.compilation.decorators import inner_kernel
 
 
-@njit(cache=True)
+@inner_kernel
 def solve_gauss(A: np.ndarray, b: np.ndarray) -> bool:
     """Solve A z = b in place (z in b) with partial pivoting.
 

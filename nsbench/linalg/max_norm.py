@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from nsbench.compilation.decorators import njit
+from nsbench.compilation.decorators import inner_kernel
 
 
-@njit(cache=True)
+@inner_kernel
 def largest(x: np.ndarray) -> float:
     """Return max |x_i| of x (n,), 0 if it is empty."""
     m = 0.0

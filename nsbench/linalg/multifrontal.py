@@ -13,14 +13,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from nsbench.compilation.decorators import njit
+from nsbench.compilation.decorators import inner_kernel, summing_kernel
 from nsbench.linalg.nested_dissection import LARGEST_FRONT, STACK
 
 if TYPE_CHECKING:
     from nsbench.linalg.nested_dissection import AssemblyTree
 
-# fused multiply-add and vector sums; a factor is corrected by refinement anyway
-FAST = {"contract", "reassoc"}
 BLOCK = 8  # rows eliminated together; _subtract_block is written out for as many
 
 
@@ -34,7 +32,8 @@ class FrontWorkspace(NamedTuple):
     work: np.ndarray
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+# here and below: vector sums, as a factor is corrected by refinement anyway
+@summing_kernel
 def _subtract_block(F, nf, L, t, first):
     """Subtract from rows first .. of the front the product of the BLOCK panel rows at L[t:]."""
     for i in range(first, nf):
@@ -68,7 +67,7 @@ def _subtract_block(F, nf, L, t, first):
             )
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@summing_kernel
 def eliminate(F: np.ndarray, own: int, nf: int, L: np.ndarray, at: int) -> None:
     """Eliminate the first `own` rows of the front F (nf * nf,), stored by rows; they go to L[at:],
     their diagonal inverted.
@@ -112,7 +111,7 @@ def eliminate(F: np.ndarray, own: int, nf: int, L: np.ndarray, at: int) -> None:
         k += wide
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def _add(F, nf, below, far, rel, ends):
     """Add what a child has left (far x far, upper triangle) to the front at the places rel (far,),
     run by run (extend-add).
@@ -140,7 +139,7 @@ def _add(F, nf, below, far, rel, ends):
             j = ends[u]
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def factor(T: AssemblyTree, ptr, vals, weight, L, F, stack) -> None:
     """Fill L with the factor of I + G^T diag(weight) G, weight (m,).
 
@@ -198,7 +197,7 @@ def factor(T: AssemblyTree, ptr, vals, weight, L, F, stack) -> None:
         sizes += 1
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@summing_kernel
 def forward(T: AssemblyTree, L: np.ndarray, s: int, y: np.ndarray, z: np.ndarray) -> None:
     """Eliminate part s from a right-hand side (forward substitution).
 
@@ -223,7 +222,7 @@ def forward(T: AssemblyTree, L: np.ndarray, s: int, y: np.ndarray, z: np.ndarray
         y[border[bptr[s] + i]] += z[own + i]
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@summing_kernel
 def backward(T: AssemblyTree, L: np.ndarray, y: np.ndarray, z: np.ndarray) -> None:
     """Substitute backwards: y (n,) by places, from the end of `forward` to the solution; z:
     work."""
@@ -249,7 +248,7 @@ def backward(T: AssemblyTree, L: np.ndarray, y: np.ndarray, z: np.ndarray) -> No
             rest[0] = y[lo + k] = (y[lo + k] - v) * row[0]
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def solve(T: AssemblyTree, L: np.ndarray, b: np.ndarray, x: np.ndarray, w: np.ndarray) -> None:
     """Fill x with K^-1 b, b, x (n,). w: FrontWorkspace.work. b and x may be the same array."""
     order = T.order
@@ -275,7 +274,7 @@ def solve(T: AssemblyTree, L: np.ndarray, b: np.ndarray, x: np.ndarray, w: np.nd
         x[order[c]] = y[c]
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def workspace(T: AssemblyTree) -> FrontWorkspace:
     """Return the FrontWorkspace for the assembly tree T."""
     size = T.sizes[LARGEST_FRONT]

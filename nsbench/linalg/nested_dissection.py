@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nsbench.compilation.decorators import njit
+from nsbench.compilation.decorators import inner_kernel
 from nsbench.linalg.sparse_ldl import levels, separate_component
 
 # at most this part of the coordinates on one side of a cut; the smallest level is taken
@@ -49,7 +49,7 @@ class AssemblyTree(NamedTuple):
     sizes: np.ndarray
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def _reaches(v, up, level, ptr, cols, tptr, trow):
     """Has coordinate v a neighbour of the level `up`?"""
     for f in range(tptr[v], tptr[v + 1]):
@@ -59,7 +59,7 @@ def _reaches(v, up, level, ptr, cols, tptr, trow):
     return False
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def _thinnest(queue, level, found):
     """Return the smallest level that leaves no more than BALANCE of the part on either side."""
     at = int(found * (1.0 - BALANCE))
@@ -79,7 +79,7 @@ def _thinnest(queue, level, found):
     return best
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def _pieces(ptr, cols, tptr, trow, order, label, queue, level, todo):
     """Put connected coordinates next to each other in `order`, small components in common parts.
 
@@ -107,7 +107,7 @@ def _pieces(ptr, cols, tptr, trow, order, label, queue, level, todo):
     return depth, 2
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def nested_dissection(
     ptr: np.ndarray, cols: np.ndarray, tptr: np.ndarray, trow: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -163,7 +163,7 @@ def nested_dissection(
     return order, above
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def _cut_at_level(order, lo, hi, queue, found, level, middle, ptr, cols, tptr, trow):
     """Put into order[lo:hi] the coordinates in front of the level `middle`, those behind it, and
     last those of the level that have a neighbour behind it; returns where the second and the third
@@ -190,7 +190,7 @@ def _cut_at_level(order, lo, hi, queue, found, level, middle, ptr, cols, tptr, t
     return mid, end
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def _sort_ascending(a, n):
     """Sort a[:n] in place (Shell 1959, gaps of Ciura 2001)."""
     for gap in (301, 132, 57, 23, 10, 4, 1):
@@ -203,7 +203,7 @@ def _sort_ascending(a, n):
             a[at] = v
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def _borders(first, above, place, order, ptr, cols, tptr, trow):
     """Find for every part the places behind it that it or the parts below it meet.
 
@@ -262,7 +262,7 @@ def _borders(first, above, place, order, ptr, cols, tptr, trow):
     return up, of, bptr, border
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def assembly_tree(
     ptr: np.ndarray, cols: np.ndarray, tptr: np.ndarray, trow: np.ndarray
 ) -> AssemblyTree:
@@ -291,7 +291,7 @@ def assembly_tree(
     return AssemblyTree(order, first, up, bptr, border, rel, panel, optr, orow, loc, sizes)
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def _front_layout(first, up, bptr, border):
     """Return rel, panel and sizes of an AssemblyTree."""
     parts = first.size - 1
@@ -324,7 +324,7 @@ def _front_layout(first, up, bptr, border):
     return rel, panel, np.array([size, most])
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def _row_owners(first, of, bptr, border, place, ptr, cols):
     """Assign each row to the front of its first coordinate; returns optr, orow and loc of an
     AssemblyTree."""

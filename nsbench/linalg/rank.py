@@ -5,10 +5,10 @@ Loops stand where numpy would call LAPACK: numba compiles them faster.
 
 import numpy as np
 
-from nsbench.compilation.decorators import njit
+from nsbench.compilation.decorators import inner_kernel
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def orthonormal(Q: np.ndarray) -> None:
     """Make the columns of Q (p, n) orthonormal in place, by Gram and Schmidt's method done twice
     (Giraud, Langou & Rozloznik, Computers & Mathematics with Applications 50, 2005)."""
@@ -30,7 +30,7 @@ def orthonormal(Q: np.ndarray) -> None:
             Q[i, k] /= s
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def near_singular(A: np.ndarray, rank: float) -> bool:
     """Does elimination of A (n, n) with full pivoting meet a pivot below `rank` times the first? A
     is overwritten."""

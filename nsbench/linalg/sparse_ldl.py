@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nsbench.compilation.decorators import njit
+from nsbench.compilation.decorators import inner_kernel, njit
 
 SMALL = 24  # rows of a part: one this small is dense enough, dissecting it further gains nothing
 
@@ -35,7 +35,7 @@ class SparsityPattern(NamedTuple):
     order: np.ndarray
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def visits(ptr: np.ndarray, cols: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Transpose a CSR pattern: tptr (n + 1,), trow, tpos (see SparsityPattern), rows ascending in
     every column."""
@@ -59,7 +59,7 @@ def visits(ptr: np.ndarray, cols: np.ndarray, n: int) -> tuple[np.ndarray, np.nd
     return tptr, trow, tpos
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def levels(
     root: int,
     part: int,
@@ -98,7 +98,7 @@ def levels(
     return found
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def nested_dissection_order(
     ptr: np.ndarray, cols: np.ndarray, tptr: np.ndarray, trow: np.ndarray
 ) -> np.ndarray:
@@ -152,7 +152,7 @@ def nested_dissection_order(
     return order
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def separate_component(
     order: np.ndarray, lo: int, hi: int, queue: np.ndarray, found: int, label: np.ndarray
 ) -> int:
@@ -172,7 +172,7 @@ def separate_component(
     return found
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def _cut_at_level(order, lo, hi, queue, found, level, cut):
     """Put into order[lo:hi] the rows in front of the level `cut`, those behind it, and the level
     last; returns where the second and the third group begin."""
@@ -194,7 +194,7 @@ def _cut_at_level(order, lo, hi, queue, found, level, cut):
     return mid, end
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def _symbolic(act, slot, ptr, cols, tptr, trow):
     """Return the elimination tree (na,) of the chosen rows and the start (na + 1,) of each column
     of L."""
@@ -222,7 +222,7 @@ def _symbolic(act, slot, ptr, cols, tptr, trow):
     return parent, start
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def factor(
     act, slot, ptr, cols, vals, tptr, trow, tpos, tol: float, shift: float
 ) -> tuple[SparseFactor, np.ndarray]:
@@ -285,7 +285,7 @@ def factor(
     return (start, count, row, value), D
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def back(L: SparseFactor, D: np.ndarray, b: np.ndarray) -> None:
     """Solve L D L^T x = b in place, D, b (na,); the entries of dependent rows become 0."""
     start, count, row, value = L
@@ -305,7 +305,7 @@ def back(L: SparseFactor, D: np.ndarray, b: np.ndarray) -> None:
         b[i] = s
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def push(P: SparsityPattern, vals: np.ndarray, mu: np.ndarray, d: np.ndarray) -> None:
     """Fill d (n,) with G^T mu, mu (m,); vals (e,): entries of G."""
     ptr = P.ptr
@@ -332,7 +332,7 @@ def slack(
         w[k] = s
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def lengths(P: SparsityPattern, vals: np.ndarray) -> np.ndarray:
     """Return the length |G_k| of every row, (m,)."""
     ptr = P.ptr
@@ -345,7 +345,7 @@ def lengths(P: SparsityPattern, vals: np.ndarray) -> np.ndarray:
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def choose(on: np.ndarray, order: np.ndarray, slot: np.ndarray) -> np.ndarray:
     """Return the rows that are `on`, in the order of elimination, and fill slot (m,) with their
     places, -1 elsewhere."""

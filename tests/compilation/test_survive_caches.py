@@ -19,9 +19,9 @@ from nsbench.results.journal import settled
 from nsbench.trajectory import MACHINE, machine_fault
 
 CODE = """
-import numba, nsbench.linalg.max_norm as d, numpy as np
-d.largest.py_func
-print(d.largest._cache.cache_path)
+import numba, nsbench.linalg.sparse_ldl as d, numpy as np
+d.slack.py_func
+print(d.slack._cache.cache_path)
 """
 
 

@@ -4,6 +4,7 @@ whatever the rank of its rows."""
 import numpy as np
 import pytest
 
+from nsbench.compilation.decorators import python_entry
 from nsbench.solvers.catching_up import qp_backends
 
 
@@ -70,8 +71,13 @@ def test_the_active_set_solves_degenerate_problems_from_any_start():
 
 
 def test_every_phase_alone_finds_the_same_point():
-    from nsbench.linalg.sparse_ldl import lengths
+    from nsbench.linalg import sparse_ldl
     from nsbench.qp.kernels import active_set, dual_active_set
+
+    lengths = python_entry(sparse_ldl.lengths)
+    newton_method = python_entry(active_set.newton)
+    drop_dependent = python_entry(dual_active_set.reduce_to_independent_rows)
+    goldfarb_idnani = python_entry(dual_active_set.dual_active_set)
 
     rng = np.random.default_rng(6)
     solved = 0
@@ -92,19 +98,19 @@ def test_every_phase_alone_finds_the_same_point():
             w = np.empty(m)
             slot = np.empty(m, np.int64)
             if newton:
-                active_set.newton(on, *common, mu, d, w, slot)
+                newton_method(on, *common, mu, d, w, slot)
                 before = G.T @ mu
                 reached += np.abs(before - d0).max() < 1e-6 * (1 + np.abs(d0).max())
                 assert (
                     mu.min() >= 0 and q @ mu + 0.5 * before @ before <= 0.0
                 )  # the dual value has fallen
-                dual_active_set.reduce_to_independent_rows(on, P, vals, mu, common[3], slot)
+                drop_dependent(on, P, vals, mu, common[3], slot)
                 assert mu.min() >= 0 and G.T @ mu == pytest.approx(
                     before, abs=1e-9 * (1 + np.abs(d0).max())
                 )
                 assert np.linalg.matrix_rank(G[mu > 0]) == (mu > 0).sum()
             assert (
-                dual_active_set.dual_active_set(on, *common, mu, d, w, slot)[0]
+                goldfarb_idnani(on, *common, mu, d, w, slot)[0]
                 == dual_active_set.SOLVED
             )
             assert d == pytest.approx(d0, abs=1e-9 * (1 + np.abs(d0).max()))
@@ -112,7 +118,11 @@ def test_every_phase_alone_finds_the_same_point():
 
 
 def test_the_sparse_factor_is_the_dense_one_in_an_order_that_fills_little():
-    from nsbench.linalg.sparse_ldl import back, choose, factor
+    from nsbench.linalg import sparse_ldl
+
+    back, choose, factor = (
+        python_entry(k) for k in (sparse_ldl.back, sparse_ldl.choose, sparse_ldl.factor)
+    )
     from nsbench.qp.kernels import active_set
 
     rng = np.random.default_rng(0)

@@ -6,11 +6,17 @@ import pytest
 from packings import ready, step
 from scipy.sparse import csr_array, vstack
 
-from nsbench.linalg import multifrontal
+from nsbench.compilation.decorators import python_entry
+from nsbench.linalg import multifrontal, sparse_ldl
 from nsbench.linalg.nested_dissection import LARGEST_FRONT, LEAF
-from nsbench.linalg.sparse_ldl import lengths
 from nsbench.qp.kernels import active_set
-from nsbench.qp.kernels.interior_point import interior_point
+from nsbench.qp.kernels import interior_point as by_interior_points
+
+lengths = python_entry(sparse_ldl.lengths)
+workspace = python_entry(multifrontal.workspace)
+factor = python_entry(multifrontal.factor)
+solve = python_entry(multifrontal.solve)
+interior_point = python_entry(by_interior_points.interior_point)
 
 
 def by_fronts(G, q, guess, tol=1e-12):
@@ -22,7 +28,7 @@ def by_fronts(G, q, guess, tol=1e-12):
     code, rounds = interior_point(
         P,
         T,
-        multifrontal.workspace(T),
+        workspace(T),
         vals / np.repeat(norm, np.diff(P.ptr)),
         q / norm,
         guess * norm,
@@ -43,12 +49,12 @@ def test_the_fronts_factor_the_dense_matrix_whatever_the_weights(n):
     G, _ = step(rng, n)
     P, T, vals = ready(G)
     assert np.array_equal(np.sort(T.order), np.arange(2 * n))
-    L, F, stack, work = multifrontal.workspace(T)
+    L, F, stack, work = workspace(T)
     weight = 10.0 ** rng.uniform(-8, 6, G.shape[0]) * (rng.random(G.shape[0]) < 0.7)
-    multifrontal.factor(T, P.ptr, vals, weight, L, F, stack)
+    factor(T, P.ptr, vals, weight, L, F, stack)
     b = rng.normal(size=2 * n)
     x = np.empty(2 * n)
-    multifrontal.solve(T, L, b, x, work)
+    solve(T, L, b, x, work)
     K = np.eye(2 * n) + (G.T @ (weight[:, None] * G.toarray()))
     assert x == pytest.approx(np.linalg.solve(K, b), abs=1e-8)
     assert K @ x == pytest.approx(b, abs=1e-8)
@@ -65,11 +71,11 @@ def test_a_chain_is_cut_into_small_fronts():
     P, T, vals = ready(G)
     assert np.array_equal(np.sort(T.order), np.arange(n))
     assert np.diff(T.first).max() <= LEAF and T.sizes[LARGEST_FRONT] <= LEAF + 2
-    L, F, stack, work = multifrontal.workspace(T)
-    multifrontal.factor(T, P.ptr, vals, np.ones(n - 1), L, F, stack)
+    L, F, stack, work = workspace(T)
+    factor(T, P.ptr, vals, np.ones(n - 1), L, F, stack)
     b = np.sin(np.arange(n))
     x = np.empty(n)
-    multifrontal.solve(T, L, b, x, work)
+    solve(T, L, b, x, work)
     assert x + G.T @ (G @ x) == pytest.approx(b, abs=1e-13)
 
 

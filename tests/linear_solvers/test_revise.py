@@ -5,10 +5,15 @@ import numpy as np
 import pytest
 from packings import ready, step
 
-from nsbench.linalg import multifrontal
-from nsbench.linalg.sparse_ldl import lengths
-from nsbench.qp.kernels import active_set
-from nsbench.qp.kernels.working_set_update import EXTRA, update_working_set
+from nsbench.compilation.decorators import python_entry
+from nsbench.linalg import multifrontal, sparse_ldl
+from nsbench.qp.kernels import active_set, working_set_update
+from nsbench.qp.kernels.working_set_update import EXTRA
+
+lengths = python_entry(sparse_ldl.lengths)
+workspace = python_entry(multifrontal.workspace)
+update_working_set = python_entry(working_set_update.update_working_set)
+dual = python_entry(active_set.dual)
 
 
 def problem(seed, n=70, crystal=False):
@@ -31,7 +36,7 @@ def run(P, T, vals, q, mu, most=10**6, limit=10**6, tol=1e-12):
     d = np.zeros(P.tptr.size - 1)
     w = np.zeros(len(q))
     done, factors, swaps = update_working_set(
-        P, T, multifrontal.workspace(T), vals, q, mu, tol, most, limit, d, w
+        P, T, workspace(T), vals, q, mu, tol, most, limit, d, w
     )
     return done, factors, swaps, mu, d, active_set.residual(P, vals, q, mu, d)
 
@@ -83,7 +88,7 @@ def test_it_gives_up_and_is_no_worse_than_before():
 
     def value(mu):
         d = np.zeros(P.tptr.size - 1)
-        return active_set.dual(P, vals, q, mu, d)
+        return dual(P, vals, q, mu, d)
 
     done, _, swaps, mu, _, _ = run(P, T, vals, q, start, most=0)
     assert not done and swaps == 0 and np.array_equal(mu, start)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from nsbench.compilation.decorators import python_entry
 from nsbench.studies.lemma.adversarial_search import (
     distinct_contacts,
     search_fixed_order,
@@ -11,7 +12,7 @@ from nsbench.studies.lemma.adversarial_search import (
     store_rows,
 )
 from nsbench.studies.lemma.exact_constant import enumerate_violation, exact_violation
-from nsbench.studies.lemma.kernels.worst_case import evaluate
+from nsbench.studies.lemma.kernels import worst_case
 from nsbench.studies.lemma.proven_bound import (
     bound_corrections,
     bound_equal_discs,
@@ -30,6 +31,8 @@ from nsbench.studies.packings.contact_graphs import (
     star,
 )
 from nsbench.studies.packings.linear_sweep import longest_increasing_path, sweep
+
+evaluate = python_entry(worst_case.evaluate)
 
 SECONDS = 20.0  # limit of HiGHS, far above what these packings take
 TOLERANCE = 1e-6  # relative, of HiGHS

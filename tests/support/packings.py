@@ -4,6 +4,7 @@ their fronts."""
 import numpy as np
 from scipy.sparse import csr_array, vstack
 
+from nsbench.compilation.decorators import python_entry
 from nsbench.linalg import nested_dissection
 from nsbench.qp.kernels import active_set
 
@@ -81,4 +82,4 @@ def ready(G):
     ptr = G.indptr.astype(np.int64)
     cols = G.indices.astype(np.int64)
     P = active_set.pattern(ptr, cols, G.shape[1])
-    return P, nested_dissection.assembly_tree(ptr, cols, P.tptr, P.trow), G.data.astype(float)
+    return P, python_entry(nested_dissection.assembly_tree)(ptr, cols, P.tptr, P.trow), G.data.astype(float)

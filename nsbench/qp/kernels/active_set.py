@@ -24,7 +24,7 @@ step, so there is nothing to update.
 
 import numpy as np
 
-from nsbench.compilation.decorators import njit
+from nsbench.compilation.decorators import inner_kernel, njit
 from nsbench.linalg.sparse_ldl import (
     SparsityPattern,
     back,
@@ -79,7 +79,7 @@ def outline(ptr: np.ndarray, cols: np.ndarray, n: int) -> SparsityPattern:
     return SparsityPattern(ptr, cols, tptr, trow, tpos, np.full(ptr.size - 1, -1))
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def order_rows(P: SparsityPattern) -> None:
     """Compute the order of elimination of a SparsityPattern if it has none."""
     ptr, cols, tptr, trow, _, order = P
@@ -89,7 +89,7 @@ def order_rows(P: SparsityPattern) -> None:
             order[k] = new[k]
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def exchange(
     on: np.ndarray,
     P: SparsityPattern,
@@ -142,7 +142,7 @@ def exchange(
                 on[k] = w[k] < -tol * norm[k]
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def dual(
     P: SparsityPattern, vals: np.ndarray, q: np.ndarray, mu: np.ndarray, d: np.ndarray
 ) -> float:
@@ -159,7 +159,7 @@ def dual(
     return s
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def newton(on, P: SparsityPattern, vals, q, norm, scale, mu, d, w, slot) -> int:
     """Take projected Newton steps on the dual from mu >= 0, mu (m,) (phase 2).
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 from numba import float64, int64, void
 
-from nsbench.compilation.decorators import cfunc, njit
+from nsbench.compilation.decorators import cfunc, inner_kernel, njit
 from nsbench.qp.kernels.active_set import order_rows
 
 # rows at work; below, one round of the active set costs less than three rounds on fronts
@@ -60,7 +60,7 @@ def no_large_solver(
     work[ROUNDS] = 0
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def rows_at_work(q: np.ndarray, guess: np.ndarray) -> int:
     """Count the rows of q, guess (m,) that are violated or have a multiplier to begin with."""
     count = 0

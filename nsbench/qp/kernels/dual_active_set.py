@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from nsbench.compilation.decorators import njit
+from nsbench.compilation.decorators import inner_kernel
 from nsbench.linalg.sparse_ldl import back, choose, factor, push, slack
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ NO_FACTOR = 1e-15
 SOLVES = 6  # one and its refinements, which end when the residual does not halve any more
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def equality(
     on: np.ndarray,
     P: SparsityPattern,
@@ -79,7 +79,7 @@ def equality(
     return act, L, D
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def rounding(scale: float, mu: np.ndarray, norm: np.ndarray) -> float:
     """Return the length below which a sign is rounding.
 
@@ -91,7 +91,7 @@ def rounding(scale: float, mu: np.ndarray, norm: np.ndarray) -> float:
     return 32.0 * EPS * (scale + top)
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def direction(
     p: int,
     act: np.ndarray,
@@ -129,7 +129,7 @@ def direction(
     return r, gain
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def reduce_to_independent_rows(
     on: np.ndarray,
     P: SparsityPattern,
@@ -178,7 +178,7 @@ def reduce_to_independent_rows(
     return rounds
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def settle(
     on: np.ndarray,
     P: SparsityPattern,
@@ -218,7 +218,7 @@ def settle(
             mu[k] = max(mu[k] + t * (goal[k] - mu[k]), 0.0) if on[k] else 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def add_row(
     p: int,
     on: np.ndarray,
@@ -274,7 +274,7 @@ def add_row(
     return MAXITER, act, L, D, rounds
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def dual_active_set(
     on: np.ndarray,
     P: SparsityPattern,

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from nsbench.compilation.decorators import njit
+from nsbench.compilation.decorators import inner_kernel
 from nsbench.linalg.multifrontal import factor, solve
 from nsbench.linalg.sparse_ldl import push, slack
 from nsbench.qp.kernels.working_set_update import update_working_set
@@ -70,7 +70,7 @@ class Residuals(NamedTuple):
     corrected: np.ndarray
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def wrong(mu: np.ndarray, w: np.ndarray) -> float:
     """Return the largest |min(mu_k, w_k)| of mu, w (m,)."""
     worst = 0.0
@@ -81,7 +81,7 @@ def wrong(mu: np.ndarray, w: np.ndarray) -> float:
     return worst
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def _start(guess, w, mu, lam, s):
     """Fill lam and s with the point lam - s = guess - w, lam s = mu."""
     for k in range(lam.size):
@@ -92,7 +92,7 @@ def _start(guess, w, mu, lam, s):
         s[k] = mu / a
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def _newton_direction(T, room, P, vals, lam, s, weight, residuals, rc, direction):
     """Fill `direction` with Newton's step for the residuals, rc those of the products lam s;
     returns how much of it keeps lam and s positive."""
@@ -116,7 +116,7 @@ def _newton_direction(T, room, P, vals, lam, s, weight, residuals, rc, direction
     return 1.0 / shrink
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def _correct_outliers(lam, s, direction, a, mu, rc, other):
     """Fill `other` with rc corrected after Gondzio: products that a longer step would leave outside
     [mu / 10, 10 mu] are drawn towards it."""
@@ -132,7 +132,7 @@ def _correct_outliers(lam, s, direction, a, mu, rc, other):
             other[k] -= max(10.0 * mu - v, -10.0 * mu)
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def _count_undecided(lam, s):
     """Count the rows of which it is not clear yet whether they are active."""
     count = 0
@@ -141,7 +141,7 @@ def _count_undecided(lam, s):
     return count
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def _proves_infeasible(q, lam, d, scale):
     """Does lam prove that there is no feasible point within INFINITE_DISTANCE scales: lam . (q +
     G d) < 0 for all of them?"""
@@ -156,7 +156,7 @@ def _proves_infeasible(q, lam, d, scale):
     return size > scale and -value > INFINITE_DISTANCE * scale * far
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def _search_direction(T, room, P, vals, lam, s, weight, residuals, gap, first, second):
     """Mehrotra's predictor and corrector, and Gondzio's further correctors, on one factor.
 
@@ -194,7 +194,7 @@ def _search_direction(T, room, P, vals, lam, s, weight, residuals, gap, first, s
     return a, step
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def _take_step(a, direction, z, s, lam):
     """Go the part a of a direction; products lam s far below their mean are lifted."""
     m = lam.size
@@ -210,7 +210,7 @@ def _take_step(a, direction, z, s, lam):
         s[k] = max(s[k], CENTRAL * after / m / lam[k])
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def _fill_residuals(z, g, w, lam, s, residuals, weight):
     """Fill the residuals of d = G^T lam and s = q + G d at the point z, and the weights; g = G^T
     lam, w = q + G z. Returns lam . s."""
@@ -224,7 +224,7 @@ def _fill_residuals(z, g, w, lam, s, residuals, weight):
     return gap
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def interior_point(
     P: SparsityPattern, T: AssemblyTree, room, vals, q, guess, scale, tol, mu, d, w, near=WARM_START
 ) -> tuple[int, int]:

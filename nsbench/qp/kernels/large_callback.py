@@ -8,7 +8,7 @@ A file of its own: a C callback is compiled when its file is imported.
 
 import numpy as np
 
-from nsbench.compilation.decorators import cfunc, inlined, njit
+from nsbench.compilation.decorators import cfunc, inlined, inner_kernel
 from nsbench.linalg.multifrontal import FrontWorkspace
 from nsbench.linalg.nested_dissection import (
     LARGEST_FRONT,
@@ -49,7 +49,7 @@ HEADER = 16
 ORDER, FIRST, UP, BPTR, BORDER, REL, PANEL, OPTR, OROW, LOC, SIZES = range(11)
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def _store_tree(T, tree_buffer):
     """Write the arrays of an assembly tree one after the other into the buffer, if they fit;
     returns the size they need."""
@@ -76,7 +76,7 @@ def _stored_array(tree_buffer, place):
     return tree_buffer[tree_buffer[BOUNDS + place] : tree_buffer[BOUNDS + place + 1]]
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def _stored_tree(tree_buffer):
     """Return the assembly tree in the buffer, in the order in which _store_tree wrote it."""
     return AssemblyTree(
@@ -94,7 +94,7 @@ def _stored_tree(tree_buffer):
     )
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def _front_workspace(T, n, work_buffer):
     """Return the FrontWorkspace of a tree in the buffer, and the size it needs; the arrays are
     empty where they do not fit."""
@@ -111,7 +111,7 @@ def _front_workspace(T, n, work_buffer):
     ), size
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def _solve_scaled(P, T, room, vals, q, start, scale, mu, d, w):
     """Solve for rows of length 1 from mu = start; returns code and rounds. start is overwritten."""
     # A warm start is first updated row by row; the interior-point method takes over from there.

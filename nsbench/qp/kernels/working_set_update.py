@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nsbench.compilation.decorators import inner_kernel, njit
+from nsbench.compilation.decorators import inner_kernel
 from nsbench.linalg.gauss_elimination import solve_gauss
 from nsbench.linalg.multifrontal import backward, factor, forward, solve
 from nsbench.linalg.sparse_ldl import push, slack
@@ -66,7 +66,7 @@ class SetWork(NamedTuple):
     move: np.ndarray
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def _column(T, L, k, owner, ptr, vals, y, z, v):
     """Fill v (n,) with K^-1 g_k: forwards only along the fronts above the row; owner: its front."""
     order = T.order
@@ -97,7 +97,7 @@ def _column(T, L, k, owner, ptr, vals, y, z, v):
         v[order[c]] = y[c]
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def _row_times(ptr, cols, vals, k, v):
     """Return g_k . v."""
     s = 0.0
@@ -106,7 +106,7 @@ def _row_times(ptr, cols, vals, k, v):
     return s
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def _solve_on_set(P, vals, rho, on, exchanges, size, centre, move, t):
     """Solve on the set with `size` rows exchanged: move = d - d_c (n,), t = c - rho w (m,)."""
     extra, V, S, A, b = exchanges
@@ -131,7 +131,7 @@ def _solve_on_set(P, vals, rho, on, exchanges, size, centre, move, t):
         t[k] = c[k] - rho * (wc[k] + _row_times(ptr, cols, vals, k, move))
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def _solve_at_centre(P, T, room, vals, rho, on, centre, r):
     """Fill centre.base for the set of the factor; r (m,): work."""
     c, wc, base = centre
@@ -141,7 +141,7 @@ def _solve_at_centre(P, T, room, vals, rho, on, centre, r):
     solve(T, room.L, base, base, room.work)
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def _factor_set(P, T, room, vals, rho, on, weight):
     """Factor K = I + rho G_A^T G_A for the set; weight (m,): work."""
     for k in range(on.size):
@@ -149,7 +149,7 @@ def _factor_set(P, T, room, vals, rho, on, weight):
     factor(T, P.ptr, vals, weight, room.L, room.F, room.stack)
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def _block(on, mu, t):
     """Return how far mu can go towards t, and the row whose multiplier reaches zero first, or
     -1."""
@@ -162,7 +162,7 @@ def _block(on, mu, t):
     return part, at
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def _count_wrong_signs(on, t):
     count = 0
     for k in range(on.size):
@@ -170,7 +170,7 @@ def _count_wrong_signs(on, t):
     return count
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def _move_towards(on, mu, t, worst):
     """Move mu towards t until a row leaves; returns that row, or, at t, the row violated by most,
     beyond `worst`; -1 if there is none."""
@@ -188,7 +188,7 @@ def _move_towards(on, mu, t, worst):
     return at
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def _residual(P, vals, q, mu, d, w):
     """Fill d = G^T mu and w = q + G d; returns the largest |min(mu, w)|."""
     push(P, vals, mu, d)
@@ -199,7 +199,7 @@ def _residual(P, vals, q, mu, d, w):
     return off
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def _exchange_row(P, T, room, vals, rho, owner, centre, on, at, exchanges, size):
     """Let row `at` join or leave the set: one column more, or, where it only returns, one less.
     Returns the new number of columns; -1 without room for it, and then nothing has changed."""
@@ -235,7 +235,7 @@ def _exchange_row(P, T, room, vals, rho, owner, centre, on, at, exchanges, size)
     return size
 
 
-@njit(cache=True)
+@inner_kernel
 def _owners(T, m):
     """Return the front of each row."""
     owner = np.empty(m, np.int64)
@@ -288,7 +288,7 @@ def _solve_on_centre(
             _solve_at_centre(P, T, room, vals, rho, on, centre, r)
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def update_working_set(P, T, room, vals, q, mu, tol, most, limit, d, w) -> tuple[bool, int, int]:
     """Move mu >= 0 (m,) to the solution of the projection QP: fills mu, d = G^T mu (n,), w = q + G
     d (m,).
@@ -351,7 +351,7 @@ def update_working_set(P, T, room, vals, q, mu, tol, most, limit, d, w) -> tuple
     return found, factors, swaps
 
 
-@njit(cache=True)
+@inner_kernel
 def _copy(source, target):
     """Copy an array; a loop, as numba takes long to compile an assignment of arrays."""
     for k in range(target.size):

@@ -98,16 +98,31 @@ def _leave(t, out):
 
 def loop_in_python(kernel: Callable) -> Callable:
     """Return the loop in Python; the kernels that it calls stay compiled."""
-    return kernel.py_func
+    return _in_python(kernel, {kernel.py_func.__name__})
 
 
 def module_in_python(kernel: Callable) -> Callable:
     """Return the loop and the kernels of its own file in Python; those imported stay compiled."""
-    names = dict(vars(sys.modules[kernel.py_func.__module__]))
-    for name, value in list(names.items()):
-        if hasattr(value, "py_func") and value.py_func.__module__ == kernel.py_func.__module__:
-            names[name] = FunctionType(value.py_func.__code__, names, name)
-    return names[kernel.py_func.__name__]
+    names = vars(sys.modules[kernel.py_func.__module__])
+    own = {n for n, v in names.items() if _is_kernel_of(v, kernel.py_func.__module__)}
+    return _in_python(kernel, own)
+
+
+def _is_kernel_of(value, module):
+    return hasattr(value, "py_func") and value.py_func.__module__ == module
+
+
+def _in_python(kernel, names):
+    """Return a kernel in Python, with those of its file that have one of the names."""
+    from nsbench.compilation.decorators import python_entry
+
+    found = dict(vars(sys.modules[kernel.py_func.__module__]))
+    for name, value in list(found.items()):
+        if name in names:
+            found[name] = FunctionType(value.py_func.__code__, found, name)
+        elif hasattr(value, "py_func"):
+            found[name] = python_entry(value)
+    return found[kernel.py_func.__name__]
 
 
 def entry_point(kernel: Callable, args: tuple) -> Callable:

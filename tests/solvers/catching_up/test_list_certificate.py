@@ -5,9 +5,13 @@ import pytest
 
 import nsbench
 from nsbench import get_case
+from nsbench.compilation.decorators import python_entry
 from nsbench.dynamics.contacts.kernels.contact_arrays import PAIR, ListedContacts
-from nsbench.solvers.catching_up.kernels.candidates import gather
-from nsbench.solvers.catching_up.kernels.list_certificate import needed_skins, next_skin
+from nsbench.solvers.catching_up.kernels import candidates, list_certificate
+from nsbench.solvers.catching_up.kernels.list_certificate import next_skin
+
+gather = python_entry(candidates.gather)
+needed_skins = python_entry(list_certificate.needed_skins)
 
 
 def moved(rng, x, strain, turn, noise):

@@ -5,11 +5,16 @@ import mpmath
 import numpy as np
 import pytest
 
-from nsbench.solvers.event_driven.filippov.kernels.enclosure import ORDER, enclose, path
-from nsbench.solvers.event_driven.filippov.kernels.taylor_series import point, series
+from nsbench.compilation.decorators import python_entry
+from nsbench.solvers.event_driven.filippov.kernels import enclosure, taylor_series
+from nsbench.solvers.event_driven.filippov.kernels.enclosure import ORDER, enclose
 from nsbench.solvers.event_driven.filippov.tracing.graph import Graph
 from nsbench.solvers.event_driven.filippov.tracing.layout import lay_out
 from nsbench.solvers.event_driven.filippov.tracing.trace import SPACE, inputs, vector
+
+path = python_entry(enclosure.path)
+point = python_entry(taylor_series.point)
+series = python_entry(taylor_series.series)
 
 P = 14
 ELEMENTARY = {

@@ -8,7 +8,11 @@ import pytest
 from test_pbd import box_of_discs, crowd, plain
 
 import nsbench
-from nsbench.dynamics.contacts.kernels.constraint_order import cell_ranks, colour_levels
+from nsbench.compilation.decorators import python_entry
+from nsbench.dynamics.contacts.kernels import constraint_order
+from nsbench.dynamics.contacts.kernels.constraint_order import cell_ranks
+
+colour_levels = python_entry(constraint_order.colour_levels)
 
 WORD = 2**64 - 1
 

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from nsbench.compilation.decorators import njit
+from nsbench.compilation.decorators import inner_kernel, njit
 
 X, Y, Z = range(3)  # axes of the grid
 
 
-@njit(cache=True)
+@inner_kernel
 def _cells(x, start, n, dim, size):
     """Sort the particles into the cells of a grid.
 

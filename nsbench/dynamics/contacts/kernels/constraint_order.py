@@ -23,7 +23,7 @@ row by row, has thousands.
 
 import numpy as np
 
-from nsbench.compilation.decorators import njit
+from nsbench.compilation.decorators import inner_kernel, njit
 
 SORTED = 0
 REVERSE = 1
@@ -35,7 +35,7 @@ COLOUR_SHIFT = 26  # the same beside a colour: 6.7e7 particles
 FAMILY_SHIFT = 2 * SHIFT  # 256 families
 
 
-@njit(cache=True)
+@inner_kernel
 def mix(z: int) -> int:
     """Hash a 64-bit integer: splitmix64 (Steele, Lea & Flood 2014)."""
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -73,7 +73,7 @@ def sweep_key(order: int, seed: int, family: int, a: int, b: int) -> int:
     return key
 
 
-@njit(cache=True)
+@inner_kernel
 def places(family: np.ndarray) -> np.ndarray:
     """Return the place (m,) of each listed constraint within its family.
 
@@ -98,7 +98,7 @@ def static_keys(family: np.ndarray, order: int, seed: int) -> np.ndarray:
     return keys
 
 
-@njit(cache=True)
+@inner_kernel
 def colour_levels(i: np.ndarray, j: np.ndarray, n: int) -> np.ndarray:
     """Return the levels (m,), from 0, of constraints listed in the order of the sweep.
 

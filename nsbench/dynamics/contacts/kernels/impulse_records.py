@@ -14,7 +14,7 @@ FEW = 1000  # records; with more, a compiled counting sort takes a fifth of the 
 SPARSE = 16  # numbers that its keys may take, over the records: it counts each of them
 
 
-@njit(cache=True)
+@inner_kernel
 def flush(
     k: int,
     mu: np.ndarray,

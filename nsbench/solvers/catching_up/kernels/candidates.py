@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nsbench.compilation.decorators import njit
+from nsbench.compilation.decorators import inner_kernel
 from nsbench.dynamics.contacts.kernels.cell_list import near_pairs
 from nsbench.dynamics.contacts.kernels.constraint_order import SORTED, sweep_key
 from nsbench.dynamics.contacts.kernels.contact_arrays import PAIR, ROW, ListedContacts
@@ -29,7 +29,7 @@ class HardPairs(NamedTuple):
     d: np.ndarray
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def _empty_pairs(size):
     """Return room for `size` pairs."""
     return HardPairs(
@@ -43,7 +43,7 @@ def _empty_pairs(size):
     )
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def _grown(pairs, m, size):
     """Return the first m pairs in arrays of the given size."""
     out = _empty_pairs(size)
@@ -58,7 +58,7 @@ def _grown(pairs, m, size):
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def _hard_pairs(x, skin, hard, radii):
     """Return the HardPairs with a gap of at most skin at x, and their number."""
     # arrays grow to twice what is needed, so that few copies are made
@@ -86,7 +86,7 @@ def _hard_pairs(x, skin, hard, radii):
     return pairs, m
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def _empty_list(size):
     """Return room for `size` contacts."""
     return ListedContacts(
@@ -102,7 +102,7 @@ def _empty_list(size):
     )
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def gather(
     x: np.ndarray, skin: float, static: ListedContacts, hard: np.ndarray, radii: np.ndarray
 ) -> tuple[ListedContacts, np.ndarray]:
@@ -149,7 +149,7 @@ def gather(
     return out, keys
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def gradient_pattern(
     contacts: ListedContacts, row_ptr: np.ndarray, row_cols: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -185,7 +185,7 @@ def gradient_pattern(
     return ptr, cols
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def carry_multipliers(keys: np.ndarray, mu: np.ndarray, new: np.ndarray) -> np.ndarray:
     """Return the multipliers mu of a list with keys `keys` for one with keys `new`; both ascend.
 

@@ -77,7 +77,7 @@ def _similarity(base, x, start, n, dim):
     return abs(s), np.sqrt(rest)
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def needed_skins(
     base: np.ndarray, x: np.ndarray, y: np.ndarray, hard: np.ndarray, radii: np.ndarray, skin: float
 ) -> tuple[float, float]:

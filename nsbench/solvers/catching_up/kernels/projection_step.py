@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nsbench.compilation.decorators import njit
+from nsbench.compilation.decorators import inner_kernel
 from nsbench.dynamics.contacts.kernels.contact_arrays import (
     PAIR,
     ROW,
@@ -51,7 +51,7 @@ class CandidateList(NamedTuple):
     impulse: np.ndarray
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def list_candidates(x, skin, scene):
     """Return the CandidateList of all pairs with a gap of at most skin at x, without impulses."""
     contacts, keys = gather(x, skin, scene.static, scene.hard, scene.radii)
@@ -60,7 +60,7 @@ def list_candidates(x, skin, scene):
     return CandidateList(contacts, keys, pattern, np.zeros(keys.size))
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def linearise(
     contacts: ListedContacts,
     rows: AffineRows,
@@ -108,7 +108,7 @@ def linearise(
                 vals[at + dim[k] + c] = -vals[at + c]
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def project(exact, many, near, book, store, scene, x, z, guess, count):
     """Solve for the point y nearest to z where the gaps linearised at x are not negative.
 

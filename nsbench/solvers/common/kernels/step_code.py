@@ -7,7 +7,7 @@ import enum
 
 import numpy as np
 
-from nsbench.compilation.decorators import njit
+from nsbench.compilation.decorators import inner_kernel, njit
 
 LARGEST_STATE = 1e150  # |x_i| beyond which squares may overflow
 
@@ -26,7 +26,7 @@ class StepCode(enum.IntEnum):
     LIST_OVERFLOW = 8  # the candidate lists outgrow their limit
 
 
-@njit(cache=True)
+@inner_kernel
 def state_code(x: np.ndarray) -> StepCode:
     """Return StepCode.NAN if x (n,) holds a NaN, BLOWN if an entry exceeds 1e150, else OK."""
     for v in x:

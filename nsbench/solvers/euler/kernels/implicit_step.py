@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from nsbench.compilation.decorators import njit
+from nsbench.compilation.decorators import inner_kernel
 from nsbench.linalg.gauss_elimination import solve_gauss
 from nsbench.linalg.max_norm import largest
 from nsbench.solvers.common.kernels.step_code import StepCode, state_code
@@ -16,12 +16,8 @@ from nsbench.solvers.common.kernels.step_code import StepCode, state_code
 NEWTON = 30  # iterations; a fresh Jacobian needs about 5, a kept one three times that
 ROUNDING = 64 * 2.0**-52  # what a few operations may lose, relative to the numbers in them
 
-# only called by other kernels: without the wrappers for Python they compile faster, and crash if
-# Python calls them
-inner = njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
-
-@inner
+@inner_kernel
 def copy(source: np.ndarray, target: np.ndarray) -> None:
     """Copy source (n,) into target (n,), element by element.
 
@@ -31,7 +27,7 @@ def copy(source: np.ndarray, target: np.ndarray) -> None:
         target[i] = source[i]
 
 
-@inner
+@inner_kernel
 def extended(
     field: Callable,
     blend: bool,
@@ -73,7 +69,7 @@ def extended(
     return 2**k
 
 
-@inner
+@inner_kernel
 def residual(
     field: Callable,
     switch: Callable,
@@ -105,7 +101,7 @@ def residual(
     return calls
 
 
-@inner
+@inner_kernel
 def difference(unit: float, size: float) -> float:
     """Return the step of a one-sided difference in a coordinate of this size.
 
@@ -117,7 +113,7 @@ def difference(unit: float, size: float) -> float:
     return max(1.5e-8 * np.sqrt(unit * max(unit, size)), 1e-12 * size)
 
 
-@inner
+@inner_kernel
 def jacobian(
     field: Callable,
     switch: Callable,
@@ -169,7 +165,7 @@ def jacobian(
     return calls
 
 
-@inner
+@inner_kernel
 def newton(field, switch, blend, unit, t, h, x, mode, y, s, jump) -> tuple[bool, int, int]:
     """Solve one implicit step in a given mode by Newton's method from (y, s), which it overwrites.
 

@@ -8,10 +8,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from nsbench.compilation.decorators import njit
+from nsbench.compilation.decorators import inner_kernel, njit
 from nsbench.linalg.max_norm import largest
 from nsbench.solvers.common.kernels.step_code import StepCode, state_code
-from nsbench.solvers.euler.kernels.implicit_step import ROUNDING, copy, inner, newton
+from nsbench.solvers.euler.kernels.implicit_step import ROUNDING, copy, newton
 
 SLIDES = (
     4 * 2.0**-52
@@ -23,7 +23,7 @@ FEW = 5
 TRIALS = 100_000
 
 
-@inner
+@inner_kernel
 def contradictions(
     switch: Callable,
     t: float,
@@ -69,7 +69,7 @@ def contradictions(
     return bad
 
 
-@inner
+@inner_kernel
 def implicit_step(field, switch, blend, unit, t, h, x, mode, y, s, last) -> tuple[bool, int, int]:
     """Solve one implicit step by block pivots from the last mode, else by trying all 3^d modes.
 
@@ -127,7 +127,7 @@ def implicit_step(field, switch, blend, unit, t, h, x, mode, y, s, last) -> tupl
     return False, calls, inner
 
 
-@inner
+@inner_kernel
 def distance(x: np.ndarray, y: np.ndarray) -> float:
     """Return the largest difference of the coordinates of x and y (n,)."""
     out = 0.0
@@ -136,7 +136,7 @@ def distance(x: np.ndarray, y: np.ndarray) -> float:
     return out
 
 
-@inner
+@inner_kernel
 def nearest_solution(
     field: Callable,
     switch: Callable,
@@ -192,7 +192,7 @@ def nearest_solution(
     return calls, inner
 
 
-@inner
+@inner_kernel
 def keep_intermediate(
     rows: np.ndarray, j: int, steps: int, t: float, x: np.ndarray, w: np.ndarray
 ) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from nsbench.compilation.borrowed_arrays import borrowed
-from nsbench.compilation.decorators import inner_kernel, njit
+from nsbench.compilation.decorators import inner_kernel
 from nsbench.solvers.pbd.kernels.active_candidates import restore_impulses
 from nsbench.solvers.pbd.kernels.cell_storage import CandidateLists, listed, no_impulses
 from nsbench.solvers.pbd.kernels.loop_result import LoopResult
@@ -64,7 +64,7 @@ def flush(
     return ids, values, count
 
 
-@njit(cache=True)
+@inner_kernel
 def end_sample(k, scene, state, lists, counts, records, reaction):
     """Store the reaction (n,) of sample k, and move the impulses since the last one to the records.
 
@@ -85,7 +85,7 @@ def end_sample(k, scene, state, lists, counts, records, reaction):
     return records, lists
 
 
-@njit(cache=True)
+@inner_kernel
 def loop_result(X, R, records, code, at, counts):
     """Return the LoopResult of a run that ended at the Pause `at`; counts: ListState."""
     ids, values, count = records

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nsbench.compilation.decorators import inner_kernel, njit
+from nsbench.compilation.decorators import inner_kernel
 from nsbench.dynamics.contacts.kernels.constraint_order import CELL, sweep_key
 from nsbench.dynamics.contacts.kernels.contact_arrays import AffineRows
 from nsbench.solvers.pbd.kernels.cell_search import by_cells, near_pairs, permute
@@ -135,7 +135,7 @@ def active_candidates(arrays: CandidateArrays, m: int) -> PairImpulses:
     )
 
 
-@njit(cache=True)
+@inner_kernel
 def no_impulses() -> PairImpulses:
     """Return an empty list of impulses."""
     return PairImpulses(np.empty(0, np.int32), np.empty(0, np.int32), np.empty(0))

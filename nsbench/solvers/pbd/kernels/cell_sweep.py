@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from nsbench.compilation.decorators import fused_kernel, fused_njit, njit
+from nsbench.compilation.decorators import fused_kernel, inner_kernel
 
 if TYPE_CHECKING:
     from nsbench.dynamics.contacts.kernels.contact_arrays import AffineRows
     from nsbench.solvers.pbd.kernels.cell_storage import PairImpulses
 
 
-@fused_njit
+@fused_kernel
 def drift(
     x: np.ndarray,
     y: np.ndarray,
@@ -49,7 +49,7 @@ def drift(
     return far if good else np.nan
 
 
-@njit(cache=True)
+@inner_kernel
 def farthest(y: np.ndarray, base: np.ndarray, dim: int, n: int) -> float:
     """Return the largest squared distance of n particles y (n dim,) from base (n dim,)."""
     far = 0.0
@@ -61,7 +61,7 @@ def farthest(y: np.ndarray, base: np.ndarray, dim: int, n: int) -> float:
     return far
 
 
-@fused_njit
+@fused_kernel
 def settle(
     x: np.ndarray,
     y: np.ndarray,
@@ -137,7 +137,7 @@ def project_stored_pair(y: np.ndarray, p: int, q: int, d: float, dim: int) -> fl
     return mu
 
 
-@fused_njit
+@fused_kernel
 def sweep_stored(
     active: PairImpulses,
     y: np.ndarray,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from nsbench.compilation.decorators import fused_njit, inner_kernel, njit
+from nsbench.compilation.decorators import fused_kernel, inner_kernel
 from nsbench.solvers.pbd.kernels.active_candidates import (
     inner_skin,
     restore_impulses,
@@ -80,7 +80,7 @@ class Pause(NamedTuple):
     skins: Skins
 
 
-@fused_njit
+@fused_kernel
 def next_interval(at: Pause) -> Pause:
     """Return the pause before the first step of the next interval."""
     zero = np.int64(0)
@@ -165,7 +165,7 @@ def renew_list(
     )
 
 
-@njit(cache=True)
+@inner_kernel
 def initialise(
     scene, state, arrays, x, reach
 ) -> tuple[CandidateLists, ListState, Skins, SkinControl]:
@@ -189,7 +189,7 @@ def initialise(
     )
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def reselect(scene, state, lists, counts, at) -> tuple[CandidateLists, ListState, Pause]:
     """Select the active candidates at the positions y, with a skin that suits the pace.
 
@@ -216,7 +216,7 @@ def reselect(scene, state, lists, counts, at) -> tuple[CandidateLists, ListState
     return lists, counts, at
 
 
-@fused_njit
+@fused_kernel
 def undo_sweep(
     z: np.ndarray,
     scene: CellScene,
@@ -240,7 +240,7 @@ def undo_sweep(
             mu[lists.arrays.log_at[e]] = lists.arrays.log_mu[e]
 
 
-@fused_njit
+@fused_kernel
 def sweep_active(
     scene: CellScene, state: CellState, lists: CandidateLists, active: int, certified: float
 ) -> tuple[int, bool, bool]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from nsbench.compilation.borrowed_arrays import borrowed
-from nsbench.compilation.decorators import fused_njit, njit
+from nsbench.compilation.decorators import fused_kernel, inner_kernel
 from nsbench.dynamics.contacts.kernels.contact_arrays import PAIR, ROW, ListedContacts
 from nsbench.solvers.pbd.kernels.neighbor_list import rebuild
 from nsbench.solvers.pbd.kernels.projection import project
@@ -34,7 +34,7 @@ class NeighborList(NamedTuple):
     peak: int
 
 
-@fused_njit
+@fused_kernel
 def is_beyond(x: np.ndarray, base: np.ndarray, first: int, dim: int, limit2: float) -> bool:
     """Return whether the particle at coordinate `first` is farther than sqrt(limit2) from base."""
     s = 0.0
@@ -44,7 +44,7 @@ def is_beyond(x: np.ndarray, base: np.ndarray, first: int, dim: int, limit2: flo
     return s > limit2
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def sweep_on(
     c: int,
     contacts: ListedContacts,
@@ -82,7 +82,7 @@ def sweep_on(
     return c, work, tied, False
 
 
-@fused_njit
+@fused_kernel
 def has_left(
     kind: int,
     p: int,
@@ -108,7 +108,7 @@ def has_left(
     return False
 
 
-@njit(cache=True)
+@inner_kernel
 def any_beyond(x: np.ndarray, base: np.ndarray, hard: np.ndarray, limit2: float) -> bool:
     """Return whether any hard particle is farther than sqrt(limit2) from base."""
     for u in range(hard.shape[0]):
@@ -119,7 +119,7 @@ def any_beyond(x: np.ndarray, base: np.ndarray, hard: np.ndarray, limit2: float)
     return False
 
 
-@njit(cache=True)
+@inner_kernel
 def renew(
     near: NeighborList,
     x: np.ndarray,
@@ -135,7 +135,7 @@ def renew(
     return NeighborList(contacts, new_keys, mu, near.rebuilds + 1, max(near.peak, new_keys.size))
 
 
-@njit(cache=True)
+@inner_kernel
 def first_after(keys: np.ndarray, last: int) -> int:
     """Return the first place whose key is larger than `last`."""
     c = 0

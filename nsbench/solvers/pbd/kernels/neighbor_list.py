@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nsbench.compilation.decorators import njit
+from nsbench.compilation.decorators import inner_kernel, njit
 from nsbench.dynamics.contacts.kernels.cell_list import near_pairs
 from nsbench.dynamics.contacts.kernels.constraint_order import sweep_key
 from nsbench.dynamics.contacts.kernels.contact_arrays import PAIR, ListedContacts
@@ -32,7 +32,7 @@ class HardScene(NamedTuple):
     seed: int
 
 
-@njit(cache=True)
+@inner_kernel
 def joined(a: np.ndarray, b: np.ndarray, chosen: np.ndarray) -> np.ndarray:
     """Return a (m,) with the chosen entries of b behind it; chosen (k,): their indices."""
     out = np.empty(a.size + chosen.size, a.dtype)
@@ -43,7 +43,7 @@ def joined(a: np.ndarray, b: np.ndarray, chosen: np.ndarray) -> np.ndarray:
     return out
 
 
-@njit(cache=True)
+@inner_kernel
 def append(
     lists: ListedContacts,
     keys: np.ndarray,
@@ -68,7 +68,7 @@ def append(
     ), joined(keys, other_keys, chosen)
 
 
-@njit(cache=True)
+@inner_kernel
 def ascending(keys: np.ndarray) -> np.ndarray:
     """Return the order (m,) in which keys (m,) ascend.
 
@@ -107,7 +107,7 @@ def ascending(keys: np.ndarray) -> np.ndarray:
     return order
 
 
-@njit(cache=True)
+@inner_kernel
 def no_contacts() -> ListedContacts:
     """Return an empty list."""
     none = np.empty(0, np.int64)
@@ -115,7 +115,7 @@ def no_contacts() -> ListedContacts:
     return ListedContacts(none, none, none, none, none, none, empty, empty, none)
 
 
-@njit(cache=True)
+@inner_kernel
 def in_order(lists: ListedContacts, keys: np.ndarray) -> tuple[ListedContacts, np.ndarray]:
     """Return lists and keys (m,) sorted by key; as they are where they ascend already."""
     up = True
@@ -134,7 +134,7 @@ def in_order(lists: ListedContacts, keys: np.ndarray) -> tuple[ListedContacts, n
     return append(no_contacts(), np.empty(0, np.uint64), lists, keys, order)
 
 
-@njit(cache=True)
+@inner_kernel
 def insertion_places(keys: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     """Return where each of the wanted keys (k,) stands among the keys (m,), or would; both
     ascend."""
@@ -147,7 +147,7 @@ def insertion_places(keys: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     return at
 
 
-@njit(cache=True)
+@inner_kernel
 def pairs_of(
     family: int, i: np.ndarray, j: np.ndarray, start: int, dim: int, r: np.ndarray
 ) -> ListedContacts:
@@ -210,7 +210,7 @@ def near_list(
     return in_order(lists, keys)
 
 
-@njit(cache=True)
+@inner_kernel
 def rebuild(
     old: ListedContacts,
     old_keys: np.ndarray,

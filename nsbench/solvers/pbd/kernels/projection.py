@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from nsbench.compilation.borrowed_arrays import borrowed
-from nsbench.compilation.decorators import fused_njit, njit
+from nsbench.compilation.decorators import fused_kernel, njit
 from nsbench.dynamics.contacts.kernels.contact_arrays import PAIR, ROW
 
 if TYPE_CHECKING:
     from nsbench.dynamics.contacts.kernels.contact_arrays import AffineRows, ListedContacts
 
 
-@fused_njit
+@fused_kernel
 def project_row(r: int, x: np.ndarray, rows: AffineRows, b: np.ndarray) -> float:
     """Project x (n,) on A_r x + b_r >= 0; returns mu >= 0 with x += mu A_r; b (rows,)."""
     g = b[r]
@@ -36,7 +36,7 @@ def project_row(r: int, x: np.ndarray, rows: AffineRows, b: np.ndarray) -> float
     return mu
 
 
-@fused_njit
+@fused_kernel
 def project_pair(p: int, q: int, d: float, sign: float, dim: int, x: np.ndarray) -> float:
     """Project on sign (|x_i - x_j| - d) >= 0, both particles moved alike; returns mu = -g / 2.
 
@@ -67,7 +67,7 @@ def project_pair(p: int, q: int, d: float, sign: float, dim: int, x: np.ndarray)
     return mu
 
 
-@fused_njit
+@fused_kernel
 def project_anchor(
     p: int, q: int, d: float, sign: float, dim: int, x: np.ndarray, anchors: np.ndarray
 ) -> float:
@@ -92,7 +92,7 @@ def project_anchor(
     return -g
 
 
-@fused_njit
+@fused_kernel
 def project(
     kind: int,
     p: int,

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nsbench.compilation.decorators import fused_njit, inner_kernel
+from nsbench.compilation.decorators import fused_kernel, inner_kernel
 
 HALF = 0.4999  # of a skin that a particle may move, less rounding
 CALM_STEPS = 8  # steps without a broken certificate after which skins that were widened shrink
@@ -46,7 +46,7 @@ class SkinControl(NamedTuple):
     calm: int
 
 
-@fused_njit
+@fused_kernel
 def needs_selection(
     far: float, attempts: int, rebuilds: int, control: SkinControl, certified: float
 ) -> bool:
@@ -73,7 +73,7 @@ def adapt_to_pace(control: SkinControl, far: float, rebuilds: int) -> SkinContro
     )
 
 
-@fused_njit
+@fused_kernel
 def adapt_to_undone_sweep(control: SkinControl, active_skin: float) -> SkinControl:
     """Widen the skin if a new selection was too narrow, else enlarge the reserve."""
     is_new = control.age == 0
@@ -88,7 +88,7 @@ def adapt_to_undone_sweep(control: SkinControl, active_skin: float) -> SkinContr
     )
 
 
-@fused_njit
+@fused_kernel
 def with_age(control: SkinControl, age: int) -> SkinControl:
     """Return the control with the age of the selection set."""
     return SkinControl(
@@ -102,7 +102,7 @@ def with_age(control: SkinControl, age: int) -> SkinControl:
     )
 
 
-@fused_njit
+@fused_kernel
 def adapt_after_step(
     control: SkinControl, skins: Skins, attempts: int
 ) -> tuple[SkinControl, Skins]:

@@ -87,7 +87,7 @@ def copied(x, out):
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def at_end(D: np.ndarray, fixed: np.ndarray, on: np.ndarray) -> np.ndarray:
     """Return the projector E (m, m) on rows without lam (fixed) and the left null space of D_II.
 
@@ -122,7 +122,7 @@ def at_end(D: np.ndarray, fixed: np.ndarray, on: np.ndarray) -> np.ndarray:
     return E
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def jacobian(f: Callable, t: float, x: np.ndarray, J: np.ndarray) -> int:
     """Compute df/dx in J by one-sided differences; return the calls of f."""
     n = x.size
@@ -175,7 +175,7 @@ def push_out(theta, step, system, matrix, work, count):
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def advance(f, linear, now, after, h, theta, step, system, matrix, work, stale, count):
     """Advance one step from step.x to step.y; return a StepCode.
 
@@ -247,7 +247,7 @@ def has_converged(move, slowly, y):
     return move <= 1e-13 * (1.0 + largest(y)) or (slowly and move <= 1e-11 * (1.0 + largest(y)))
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def regroup(system, theta, lam, matrix):
     """Set E to the projector of the rows with lam > 0; return whether it changed, and M with it."""
     E = matrix.E

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nsbench.compilation.decorators import njit
+from nsbench.compilation.decorators import inner_kernel, njit
 from nsbench.lcp.lemke import scales
 from nsbench.linalg.gauss_elimination import solve_gauss
 
@@ -39,7 +39,7 @@ class StepMatrices(NamedTuple):
     b: np.ndarray
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def times(A: np.ndarray, x: np.ndarray, out: np.ndarray) -> None:
     """Multiply: out <- A x."""
     for i in range(A.shape[0]):
@@ -73,7 +73,7 @@ def matrices(
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def rows(
     C: np.ndarray,
     D: np.ndarray,
@@ -102,7 +102,7 @@ def rows(
         b[i] = other[i]
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def offset(
     C: np.ndarray,
     E: np.ndarray,

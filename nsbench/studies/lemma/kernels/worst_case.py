@@ -67,7 +67,7 @@ def _move(order, start, end):
     order[end] = k
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def evaluate(ptr, cols, vals, u, target, order, active):
     """Return v' of the target (or the sum of v') of one order and one set of active contacts."""
     c = np.zeros(len(order))

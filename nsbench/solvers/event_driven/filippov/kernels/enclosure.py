@@ -12,11 +12,10 @@ from math import atan, cosh, exp, log, sinh, tanh
 
 import numpy as np
 
-from nsbench.compilation.decorators import njit
+from nsbench.compilation.decorators import inner_kernel, njit
 from nsbench.solvers.event_driven.filippov.kernels import opcodes as op
 from nsbench.solvers.event_driven.filippov.kernels.loop_state import ALL_END, BEGIN
 from nsbench.solvers.event_driven.filippov.kernels.polynomial_root import CHOOSE
-from nsbench.solvers.event_driven.filippov.kernels.taylor_series import inner
 from nsbench.solvers.event_driven.interval_taylor.kernels.coefficient_recurrences import TINY, UNIT
 
 # of derivatives: with 9 the cases of tests/studies/speed/filippov.py took 17 to 37 % longer; with
@@ -26,14 +25,14 @@ ORDER = 12
 PATH_ROUNDING = 4e-14
 
 
-@inner
+@inner_kernel
 def _range(M, R, y, u, v):
     """Set the first entry of row y to the range [u, v] of a library function."""
     M[y, 0] = 0.5 * (u + v)
     R[y, 0] = 0.5 * (v - u) + 4.0 * UNIT * max(abs(u), abs(v)) + TINY
 
 
-@inner
+@inner_kernel
 def _multiply(M, R, a, b, y):
     """Fill row y with row a times row b."""
     for k in range(ORDER + 1):
@@ -49,7 +48,7 @@ def _multiply(M, R, a, b, y):
         R[y, k] = r
 
 
-@inner
+@inner_kernel
 def _divide(M, R, a, c, b, y):
     """Fill row y with row a, or the constant c if a < 0, over row b."""
     low = abs(M[b, 0]) - R[b, 0]
@@ -69,7 +68,7 @@ def _divide(M, R, a, c, b, y):
         _over(M, R, y, k, s, r, b, low)
 
 
-@inner
+@inner_kernel
 def _weighted(M, R, a, b, k, flat, slope):
     """Return the sum over i = 1 .. k of (flat + slope i) a_i b_(k-i), for rows a, b, and its
     radius."""
@@ -89,7 +88,7 @@ def _weighted(M, R, a, b, k, flat, slope):
     return s, r
 
 
-@inner
+@inner_kernel
 def _over(M, R, y, k, s, r, w, low):
     """Set coefficient k of row y to s +- r over the first entry of row w, which is at least low in
     size; nothing is known if that may vanish."""
@@ -101,7 +100,7 @@ def _over(M, R, y, k, s, r, w, low):
         R[y, k] = np.inf
 
 
-@inner
+@inner_kernel
 def _first_coefficient(code, c, M, R, a, y):
     """Set the first entries of row y = f(a), f the function `code`, and of its partner's, the next
     row; NaN where it may be undefined."""
@@ -145,7 +144,7 @@ def _first_coefficient(code, c, M, R, a, y):
         _range(M, R, y + 1, below, above)
 
 
-@inner
+@inner_kernel
 def _higher_coefficient(code, c, M, R, a, b, y, k):
     """Set coefficient k >= 1 of row y = f(a, b), f the function `code`, and of its partner's, by
     the recurrences of kernels.taylor_series."""
@@ -170,7 +169,7 @@ def _higher_coefficient(code, c, M, R, a, b, y, k):
             )
 
 
-@inner
+@inner_kernel
 def _enclose_operation(code, i, j, c, d, M, R, row):
     """Fill row `row`, and of a pair the next one, with the operation `code` of rows i and j and of
     constants c and d."""
@@ -203,7 +202,7 @@ def _enclose_operation(code, i, j, c, d, M, R, row):
             _higher_coefficient(code, c, M, R, i, j, row, k)
 
 
-@inner
+@inner_kernel
 def _bound_unknown(M, R, row):
     """Give the coefficients of a row that overflow, or are 0 times infinity, infinite radii."""
     for k in range(ORDER + 1):
@@ -228,7 +227,7 @@ def enclose(ops, nums, first, n, M, R):
             _bound_unknown(M, R, row + 1)
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def path(Q, n, p, centre, radius, M, R):
     """Fill rows 0 .. n of M, R with n polynomials Q (n, p + 1) in s and with the time, over the
     piece centre +- radius.

@@ -26,11 +26,7 @@ KINK_BAND = 16.0
 SETTLED = -1
 UNCERTAIN = -2
 
-# called by drivers in Python too
-callable_kernel = njit(cache=True, error_model="numpy")
-
-
-@callable_kernel
+@inner_kernel
 def set_state(programs, k, s):
     """Set the state of kink k, and rewrite the operations that depend on it."""
     kinks = programs.kinks
@@ -45,7 +41,7 @@ def set_state(programs, k, s):
             programs.nums[operation, 0] = entry
 
 
-@callable_kernel
+@njit(cache=True, error_model="numpy")
 def place_kinks(programs, d, held, t, x, V, G):
     """Set the states of all kinks by the values of their arguments at (t, x); within rounding of a
     break the state stays, and that of the kink `held` (-1: none), which was just reached.
@@ -74,7 +70,7 @@ def place_kinks(programs, d, held, t, x, V, G):
             break
 
 
-@callable_kernel
+@njit(cache=True, error_model="numpy")
 def begin_kinks(programs, d, t, x, V, G):
     """Set the states of all kinks at the start of a run, whatever they were before."""
     for k in range(programs.kinks.state.size):
@@ -82,7 +78,7 @@ def begin_kinks(programs, d, t, x, V, G):
     place_kinks(programs, d, -1, t, x, V, G)
 
 
-@callable_kernel
+@njit(cache=True, error_model="numpy")
 def cross_kink(programs, w):
     """Change the state of the kink whose watched function w, counted from the first one's, fell."""
     k = w // 2

@@ -8,7 +8,7 @@ that are not unique, steps that cannot be certified.
 import numpy as np
 
 from nsbench.compilation.borrowed_arrays import borrowed
-from nsbench.compilation.decorators import inlined, njit
+from nsbench.compilation.decorators import inlined, inner_kernel, njit
 from nsbench.solvers.event_driven.filippov.kernels.kink_branches import begin_kinks
 from nsbench.solvers.event_driven.filippov.kernels.loop_state import (
     CALLS,
@@ -44,14 +44,14 @@ from nsbench.solvers.event_driven.filippov.kernels.mode_choice import (
 )
 from nsbench.solvers.event_driven.filippov.kernels.polynomial_root import CLEAR, FOUND
 from nsbench.solvers.event_driven.filippov.kernels.step_to_event import TOUCH, take_step
-from nsbench.solvers.event_driven.filippov.kernels.taylor_series import horner, inner
+from nsbench.solvers.event_driven.filippov.kernels.taylor_series import horner
 
 # steps of one arc, and those to come at the present length, beyond which the equation is stiff
 STIFF_STEPS = 4000
 STIFF_STEPS_AHEAD = 1e6
 
 
-@inner
+@inner_kernel
 def weight_integrals(p, i, s, mode, row, C, theta, out):
     """Fill out (d,) with the integrals of the weights after time s of a step, from theta (d,) at
     its start; row: of the weight of the surface i slid on."""

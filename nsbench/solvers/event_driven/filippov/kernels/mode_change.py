@@ -46,7 +46,6 @@ from nsbench.solvers.event_driven.filippov.kernels.mode_choice import (
     rounding_band,
     surface_met,
 )
-from nsbench.solvers.event_driven.filippov.kernels.taylor_series import inner
 
 # roundings of c_i below which a watched function is not armed at the start of an arc
 ARC_BAND = 16.0
@@ -56,7 +55,7 @@ CHOOSE_START = 0  # with the choice of the mode at the start
 ARC_BEGINS = 1  # in a given mode
 
 
-@inner
+@inner_kernel
 def events_accumulate(ring, count, span):
     """Do the events, the last of `count` in ring with the latest last, accumulate? The test is that
     of event_driven.accumulation."""

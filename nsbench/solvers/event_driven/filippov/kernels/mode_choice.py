@@ -11,7 +11,7 @@ import numpy as np
 
 from nsbench.compilation.decorators import fused_kernel, inlined, inner_kernel, njit
 from nsbench.solvers.event_driven.filippov.kernels.step_certificate import step_length
-from nsbench.solvers.event_driven.filippov.kernels.taylor_series import horner, inner, point, series
+from nsbench.solvers.event_driven.filippov.kernels.taylor_series import horner, point, series
 
 EPS = 2.0**-52
 UNKNOWN = 9  # result of `choose_mode`: not certain
@@ -63,7 +63,7 @@ def evaluate_geometry(programs, t, x, V, G):
             G[i, j] = V[programs.outs[m, i * (n + 2) + j], 0]
 
 
-@inner
+@inner_kernel
 def rounding_band(G, i, t, x, times):
     """Return what rounding leaves of c_i on its surface: `times` roundings of the terms of c_i."""
     n = x.size

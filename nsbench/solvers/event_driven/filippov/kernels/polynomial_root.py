@@ -8,7 +8,7 @@ from math import comb
 
 import numpy as np
 
-from nsbench.solvers.event_driven.filippov.kernels.taylor_series import inner
+from nsbench.compilation.decorators import inner_kernel
 
 CLEAR = 0
 FOUND = 1
@@ -20,7 +20,7 @@ NEWTON_STEPS = 200  # within a bracket that at least halves every other time
 CHOOSE = np.array([[float(comb(k, j)) for j in range(DEGREE + 1)] for k in range(DEGREE + 1)])
 
 
-@inner
+@inner_kernel
 def shifted(C, row, p, middle, radius, out, to):
     """Fill out[to, :p + 1] with the coefficients in s of u(middle + radius s), u = C[row], by the
     binomial theorem."""
@@ -44,7 +44,7 @@ def shifted(C, row, p, middle, radius, out, to):
         out[to, k] *= scale
 
 
-@inner
+@inner_kernel
 def _zero(C, row, p, lo, hi):
     """Return the zero of the polynomial C[row] in [lo, hi], where it falls monotonically, by
     Newton's method within a bracket."""
@@ -67,7 +67,7 @@ def _zero(C, row, p, lo, hi):
     return s
 
 
-@inner
+@inner_kernel
 def first_fall(C, row, p, error, stack, work):
     """Find the first zero on [-1, 1] of u = C[row], which is known, and positive at -1, up to
     `error`.

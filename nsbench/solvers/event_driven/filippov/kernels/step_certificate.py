@@ -13,7 +13,7 @@ than the piece hides in it.
 
 import numpy as np
 
-from nsbench.compilation.decorators import fused_kernel
+from nsbench.compilation.decorators import fused_kernel, inner_kernel, summing_kernel
 from nsbench.solvers.event_driven.filippov.kernels.enclosure import ORDER, enclose, path
 from nsbench.solvers.event_driven.filippov.kernels.polynomial_root import (
     CHOOSE,
@@ -24,12 +24,7 @@ from nsbench.solvers.event_driven.filippov.kernels.polynomial_root import (
     first_fall,
     shifted,
 )
-from nsbench.solvers.event_driven.filippov.kernels.taylor_series import (
-    horner,
-    inner,
-    point,
-    summing,
-)
+from nsbench.solvers.event_driven.filippov.kernels.taylor_series import horner, point
 
 # Chebyshev nodes of the interpolation behind the certificate
 NODES = -np.cos(np.pi * np.arange(ORDER) / (ORDER - 1))
@@ -45,7 +40,7 @@ HALVINGS = 50  # of a step in which a watched function may leave its band
 LENGTH_TRIALS = 100  # reductions of a step length for the watched functions
 
 
-@inner
+@inner_kernel
 def step_length(C, n, p, x, outs, watches, local, most):
     """Return a step on which the last terms of the state are below local (1 + |x|), those of the
     integral of the weight below local, and those of the watched functions below WATCH_TRUNCATION of
@@ -88,7 +83,7 @@ def step_length(C, n, p, x, outs, watches, local, most):
     return h
 
 
-@summing
+@summing_kernel
 def tail(Q, i, p, derivative):
     """Bound coefficient ORDER, anywhere on the piece, of the polynomial Q[i], or of its derivative
     in s."""
@@ -98,7 +93,7 @@ def tail(Q, i, p, derivative):
     return s
 
 
-@inner
+@inner_kernel
 def at_nodes(Q, i, p, derivative, out, to):
     """Fill out[to, :ORDER] with the values at NODES of the polynomial Q[i], or of its derivative in
     s."""
@@ -149,7 +144,7 @@ def certify_piece(programs, m, n, p, watches, t, start, width, whole, local, C, 
     return 0.0
 
 
-@inner
+@inner_kernel
 def _smoothness(outs, n, p, watches, radius, least, pace, Q, M, R, error):
     """Return the least quotient of SMOOTH and the interpolation bounds of fields and watched
     functions; the latter's bounds go to `error`.
@@ -178,7 +173,7 @@ def _smoothness(outs, n, p, watches, radius, least, pace, Q, M, R, error):
     return margin
 
 
-@inner
+@inner_kernel
 def _agrees_at_nodes(outs, n, p, watches, radius, whole, local, pace, Q, M, V, error):
     """Does the path satisfy the equation at NODES, and do the polynomials of the watched functions
     agree with them there? What the latter miss is added to work.error."""
@@ -204,7 +199,7 @@ def _agrees_at_nodes(outs, n, p, watches, radius, whole, local, pace, Q, M, V, e
     return True
 
 
-@inner
+@inner_kernel
 def fitting_part(margin):
     """Return the part of a piece with this margin for which the certificate should hold: bounds go
     with the power ORDER of the width.
@@ -214,7 +209,7 @@ def fitting_part(margin):
     return max(0.9 * margin ** (1.0 / ORDER), 0.25) if margin > 0.0 else 0.5
 
 
-@inner
+@inner_kernel
 def lift_time(C, row, p, h, band):
     """Return w in (0, h] such that the series u = C[row], at most `band` at 0, exceeds it at w
     without falling below by more before; 0: it stays within the band on [0, h]; -1: neither is
@@ -244,7 +239,7 @@ def lift_time(C, row, p, h, band):
     return 0.0 if swing <= 0.5 * band else -1.0
 
 
-@inner
+@inner_kernel
 def first_event(outs, n, p, watches, start, width, C, Q, error, lift, stack, work):
     """Find the first fall of a watched function through zero on a certified piece.
 

@@ -7,7 +7,7 @@ step.
 
 import numpy as np
 
-from nsbench.compilation.decorators import inlined
+from nsbench.compilation.decorators import inlined, inner_kernel
 from nsbench.solvers.event_driven.filippov.kernels.loop_state import HARD, STEP_VANISHES
 from nsbench.solvers.event_driven.filippov.kernels.mode_choice import EPS
 from nsbench.solvers.event_driven.filippov.kernels.polynomial_root import CLEAR, FOUND
@@ -18,12 +18,7 @@ from nsbench.solvers.event_driven.filippov.kernels.step_certificate import (
     lift_time,
     step_length,
 )
-from nsbench.solvers.event_driven.filippov.kernels.taylor_series import (
-    horner,
-    inner,
-    point,
-    series,
-)
+from nsbench.solvers.event_driven.filippov.kernels.taylor_series import horner, point, series
 
 SPLIT = 1.5  # certified widths: a step little longer than one is shortened instead of divided
 PIECES = 16  # most pieces of a step: a shorter step is cheaper than more of them
@@ -56,7 +51,7 @@ def polish_event(programs, m, w, n, p, t, s, h, C, V):
     return s
 
 
-@inner
+@inner_kernel
 def _touch_time(programs, outs, n, p, watches, w, t, s, h, C, band):
     """Return the time near s from the step's start at which watched function w, of a kink, touches
     zero: a zero of its slope, by Newton's method; -1 if it is of no kink or not within rounding of

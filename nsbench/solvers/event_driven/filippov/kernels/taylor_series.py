@@ -11,7 +11,7 @@ from math import atan, cos, cosh, exp, log, sin, sinh, tanh
 
 import numpy as np
 
-from nsbench.compilation.decorators import njit
+from nsbench.compilation.decorators import inner_kernel, summing_kernel
 from nsbench.solvers.event_driven.filippov.kernels import opcodes as op
 from nsbench.solvers.event_driven.filippov.kernels.loop_state import (
     ALL_END,
@@ -19,17 +19,14 @@ from nsbench.solvers.event_driven.filippov.kernels.loop_state import (
     LEADING_END,
 )
 
-# only called by kernels: without the wrappers for Python they compile in half the time
-inner = njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
-
-@inner
+@inner_kernel
 def power(a, alpha):
     """Return a ** alpha for a > 0, with the square root's own rounding for alpha = 1/2."""
     return np.sqrt(a) if alpha == 0.5 else a**alpha
 
 
-@inner
+@inner_kernel
 def head(code, u, v, c, d):
     """Return the value of an operation without partner, or of the first of a pair, at the values u,
     v of its rows and with its constants c, d."""
@@ -64,7 +61,7 @@ def head(code, u, v, c, d):
     return c  # CONST
 
 
-@inner
+@inner_kernel
 def partner(code, u, y):
     """Return the value of the second of a pair, from that of its row, u, and of the first, y."""
     if code == op.SIN:
@@ -74,7 +71,7 @@ def partner(code, u, y):
     return 1.0 - y * y
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def point(ops, nums, first, n, V, many):
     """Fill V[n + 1 :, :many] with the values at the states V[:n, :many] and the times V[n, :many]
     of `many` points. first (3,): as in `series`."""
@@ -92,17 +89,7 @@ def point(ops, nums, first, n, V, many):
                 V[row + 1, k] = partner(code, V[u, k], V[row, k])
 
 
-# sums of products in any order: so the compiler may add four at a time
-summing = njit(
-    cache=True,
-    error_model="numpy",
-    no_cpython_wrapper=True,
-    no_cfunc_wrapper=True,
-    fastmath={"reassoc", "contract"},
-)
-
-
-@summing
+@summing_kernel
 def _product(C, u, v, first, k):
     """Return the sum over i = first .. k of u_i v_(k-i), for rows u, v."""
     s = 0.0
@@ -111,7 +98,7 @@ def _product(C, u, v, first, k):
     return s
 
 
-@summing
+@summing_kernel
 def _weighted(C, u, v, last, k):
     """Return the sum over i = 1 .. last of i u_i v_(k-i), for rows u, v; at last = k this is
     coefficient k - 1 of u' v."""
@@ -121,7 +108,7 @@ def _weighted(C, u, v, last, k):
     return s
 
 
-@inner
+@inner_kernel
 def coefficient(code, C, u, v, y, w, k):
     """Set coefficient k >= 1 of row y = op(u, v) with constant w; of a pair, that of the next row
     too."""
@@ -164,7 +151,7 @@ def coefficient(code, C, u, v, y, w, k):
         C[y, k] = 0.0  # the second of a pair is computed with the first
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def series(ops, nums, first, F, n, p, C):
     """Fill the table C (rows, >= p + 1) with coefficients 0 .. p of state and operations, from the
     state C[:n, 0] and the time C[n, 0].
@@ -207,7 +194,7 @@ def series(ops, nums, first, F, n, p, C):
                 coefficient(ops[e, 0], C, ops[e, 1], ops[e, 2], n + 1 + e - lo, nums[e, 0], k)
 
 
-@inner
+@inner_kernel
 def horner(C, row, s, p):
     """Return the value at s of a row of coefficients up to order p >= 1 (Horner's scheme, even and
     odd powers apart: one chain of operations would wait for itself)."""
