@@ -7,9 +7,21 @@ from __future__ import annotations
 
 import contextlib
 import sys
+import threading
 from collections.abc import Iterator
+from pathlib import Path
 
-_waiting_for: list[str] = []  # what the calls in progress compute, the innermost last
+from nsbench.source_files.locations import is_in_package
+
+
+class _Waiting(threading.local):
+    """What the calls of a thread compute, the innermost last; "" where it was announced."""
+
+    def __init__(self) -> None:
+        self.calls: list[str] = []
+
+
+_waiting = _Waiting()
 
 
 @contextlib.contextmanager
@@ -21,16 +33,21 @@ def announced_compilation(what: str) -> Iterator[None]:
     if not _is_watched():
         yield
         return
-    _waiting_for.append(what)
+    _waiting.calls.append(what)
     try:
         yield
     finally:
-        del _waiting_for[-1]
+        del _waiting.calls[-1]
 
 
 def _is_watched() -> bool:
     """Does somebody see what is written to stderr while it is written?"""
-    return "ipykernel" in sys.modules or bool(getattr(sys.stderr, "isatty", bool)())
+    if sys.stderr is None:
+        return False
+    try:
+        return "ipykernel" in sys.modules or bool(sys.stderr.isatty())
+    except Exception:  # closed, or no file at all
+        return False
 
 
 def listen() -> None:
@@ -45,14 +62,22 @@ def _listener(base):
         """Listener that speaks of the first stored kernel which is compiled in a context."""
 
         def on_start(self, event) -> None:
-            if not (_waiting_for and _waiting_for[-1]):
-                return
-            if getattr(getattr(event.data["dispatcher"], "_cache", None), "cache_path", None):
-                what = f"compiling {_waiting_for[-1]}, once: the code is kept on disk"
-                print(f"nsbench: {what} (5 to 30 s)", file=sys.stderr, flush=True)
-                _waiting_for[-1] = ""
+            # a stream that cannot be written to is no reason to compile nothing
+            with contextlib.suppress(Exception):
+                _announce(event.data["dispatcher"])
 
         def on_end(self, event) -> None:
             pass
 
     return Announcer()
+
+
+def _announce(kernel):
+    calls = _waiting.calls
+    stored = getattr(getattr(kernel, "_cache", None), "cache_path", None)
+    if not (calls and calls[-1] and stored):
+        return
+    if is_in_package(Path(kernel.py_func.__code__.co_filename).resolve()):
+        what = f"compiling {calls[-1]}, once: the code is kept on disk"
+        calls[-1] = ""
+        print(f"nsbench: {what} (5 to 30 s)", file=sys.stderr, flush=True)

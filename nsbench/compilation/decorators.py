@@ -23,7 +23,7 @@ import numpy as np
 from numba import cfunc
 
 from nsbench.compilation import numba_cache  # noqa: F401  (configures numba)
-from nsbench.compilation.inner_compiler import InnerCompiler
+from nsbench.compilation.inner_compiler import COMPILER
 
 if TYPE_CHECKING:
     from numba.core.dispatcher import Dispatcher
@@ -44,7 +44,7 @@ _inner = functools.partial(
     error_model="numpy",
     no_cpython_wrapper=True,
     no_cfunc_wrapper=True,
-    pipeline_class=InnerCompiler,
+    pipeline_class=COMPILER,
 )
 inner_kernel = _inner()
 # dot products may be summed in lanes

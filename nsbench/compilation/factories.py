@@ -114,10 +114,10 @@ def _for_callbacks(f):
     """Compile a function that callbacks alone call."""
     import numba
 
-    from nsbench.compilation.inner_compiler import InnerCompiler
+    from nsbench.compilation.inner_compiler import COMPILER
 
     return numba.njit(
-        no_cpython_wrapper=True, no_cfunc_wrapper=True, pipeline_class=InnerCompiler
+        no_cpython_wrapper=True, no_cfunc_wrapper=True, pipeline_class=COMPILER
     )(f)
 
 

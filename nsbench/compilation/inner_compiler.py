@@ -87,3 +87,12 @@ class InnerCompiler(compiler.CompilerBase):
         passes.add_pass_after(LinkOnly, typed_passes.AnnotateTypes)
         passes.finalize()
         return [passes]
+
+
+HOOKS = ("_optimize_final_module", "_finalize_final_module", "_ensure_finalized")
+# another numba without these compiles such functions as all others
+COMPILER = (
+    InnerCompiler
+    if all(hasattr(codegen.JITCodeLibrary, name) for name in HOOKS)
+    else compiler.Compiler
+)

@@ -39,6 +39,7 @@ FAR_BELOW_DECADES = 2.0  # a level lower than this below the points is not drawn
 MAX_SPAN_DECADES = 18.0  # of a panel: what is lower is rounding of doubles
 MIN_SPAN_DECADES = 1.2  # so that a flat line is not magnified noise
 MAX_MARKERS = 48  # of a line; more points are thinned evenly, which does not show
+HALO = f' stroke="{PAPER}" stroke-width="2.5" paint-order="stroke"'
 _TONES = {
     **{c: f"var(--m{i})" for i, c in enumerate(PALETTE)},
     INK: "currentColor",
@@ -129,10 +130,11 @@ class Pen:
         anchor: str = "start",
         down: float = 0.0,
     ) -> str:
-        """Write `words` at (x, y) in decades, `down` units lower."""
+        """Write `words` at (x, y) in decades, `down` units lower; those of a line with a halo."""
+        halo = "" if colour in (MUTED, INK) else HALO
         return (
             f'<text x="{self.x(x):.1f}" y="{self.y(y) + down:.1f}" font-size="{size}" '
-            f'fill="{colour}" text-anchor="{anchor}">{escape(words)}</text>'
+            f'fill="{colour}" text-anchor="{anchor}"{halo}>{escape(words)}</text>'
         )
 
 
@@ -169,7 +171,9 @@ def draw_panel(panel: Panel) -> str:
     for p in panel.slopes:
         parts += _guide(pen, p, panel)
     below = [line.far or (line.level >= 0 and line.level < 10.0 ** ys[0]) for line in panel.lines]
-    parts += [_line(pen, line, sum(below[:i])) for i, line in enumerate(panel.lines)]
+    # lines whose value is written come last: no marker of another one covers it
+    drawn = sorted(range(len(below)), key=below.__getitem__)
+    parts += [_line(pen, panel.lines[i], sum(below[:i])) for i in drawn]
     parts += [pen.text(k, ys[0], _power(k), 7, anchor="middle", down=9) for k in x]
     parts += [
         f'<text x="{LEFT - 3}" y="{pen.y(k) + 2.5:.1f}" font-size="7" fill="{MUTED}" '
@@ -347,6 +351,7 @@ def inline_svg(svg: str, names: dict[int, str], label: str, is_hidden: bool = Fa
     Colours become the page's variables, lines carry their method's name and class. names: by index
     of the look. label: for screen readers; is_hidden: from which the element is hidden.
     """
+    svg = svg.replace(HALO, ' class="value"')
     for colour, variable in _TONES.items():
         svg = svg.replace(colour, variable)
     named = lambda m: f'<g class="s s{m[1]}"><title>{escape(names[int(m[1])])}</title>'
@@ -377,14 +382,9 @@ def compose_sheet(panels: list[str], legend: list[tuple[str, Look, bool]], title
     ]
     for i, svg in enumerate(panels):
         svg = re.sub(r' id="s(\d+)"', "", svg).replace(PAPER, "#ffffff")
-        parts.append(
-            svg.replace(
-                "<svg ",
-                f'<svg x="{i % columns * WIDTH}" y="{24 + i // columns * HEIGHT}" width="{WIDTH}" '
-                f'height="{HEIGHT}" ',
-                1,
-            )
-        )
+        place = f'x="{i % columns * WIDTH}" y="{24 + i // columns * HEIGHT}" '
+        size = f'width="{WIDTH}" height="{HEIGHT}" '
+        parts.append(svg.replace("<svg ", f"<svg {place}{size}", 1))
     for i, (name, look, hollow) in enumerate(legend):
         x = 8 + i % per_row * LEGEND_WIDTH
         y = 24 + rows * HEIGHT + 14 * (i // per_row)

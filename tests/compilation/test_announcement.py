@@ -57,6 +57,22 @@ def test_nothing_is_said_to_a_file(monkeypatch):
     assert sys.stderr.getvalue() == ""
 
 
+class Broken(Terminal):
+    def write(self, text):
+        raise OSError("no terminal any more")
+
+
+@pytest.mark.parametrize("stream", [None, Broken(), "closed"])
+def test_a_stream_that_cannot_be_written_to_stops_nothing(monkeypatch, stream):
+    """Programs without a terminal have no stderr, and daemons close it."""
+    if stream == "closed":
+        stream = io.StringIO()
+        stream.close()
+    monkeypatch.setattr(sys, "stderr", stream)
+    with announced_compilation("pbd"):
+        compile_of(slack)
+
+
 @pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="no terminals for other processes here")
 def test_a_first_call_in_a_terminal_says_that_it_compiles(tmp_path):

@@ -26,6 +26,14 @@ class Rows:
     extra = {}
 
 
+class Barred(Rows):
+    """The same rows, all with error bars, and a method with a long name."""
+
+    long = "pbd[order=random,seed=2]"
+    solvers = SOLVERS | {long: SOLVERS["pbd"]}
+    rows = [r | BARS | ({"solver": name} if name else {}) for name in ("", long) for r in made()]
+
+
 @pytest.fixture(scope="module")
 def file(tmp_path_factory):
     """The page of a study of a few cases and methods, as an address."""
@@ -340,16 +348,18 @@ def test_a_phone_scrolls_one_way(open_page):
 
 
 @pytest.mark.long
-def test_the_legend_is_whole_on_a_phone(open_page):
-    page = open_page()
+@pytest.mark.parametrize("chart", ["explore-chart", "bars-chart"])
+def test_the_legends_are_whole_on_a_phone(open_page, chart, tmp_path):
+    """Two legends of one chart, of methods and of markers, stand one below the other."""
+    page = open_page(write_report(Barred, tmp_path / "report.html").as_uri())
     page.set_viewport_size({"width": 390, "height": 844})
     page.reload()
     page.wait_for_selector(DRAWN)
-    scroll_to(page, "explore-chart")
-    page.wait_for_selector("#explore-chart[data-drawn=yes]")
+    scroll_to(page, chart)
+    page.wait_for_selector(f"#{chart}[data-drawn=yes]")
     right = page.evaluate(
-        """() => {
-            const view = nsbench.drawn.get(document.getElementById('explore-chart')).result.view;
+        """(chart) => {
+            const view = nsbench.drawn.get(document.getElementById(chart)).result.view;
             const seen = [];
             const visit = (item) => {
                 if (item.mark?.role === 'legend') seen.push(item.x + item.bounds.width());
@@ -357,7 +367,8 @@ def test_the_legend_is_whole_on_a_phone(open_page):
             };
             visit(view.scenegraph().root);
             return Math.max(...seen) + view.origin()[0];
-        }"""
+        }""",
+        chart,
     )
     assert 100 < right <= 390 - 2 * 16
 

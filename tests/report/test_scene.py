@@ -263,3 +263,14 @@ def test_near_pairs_of_few_particles_are_those_of_the_kernel(dim):
         assert all(np.array_equal(a, b) for a, b in zip(few, many, strict=True)) and (
             n < 40 or few[0].size > 2
         )
+
+
+def test_near_pairs_of_points_on_a_line_are_those_at_the_same_place():
+    """Cells of points without a radius have no width across the line: the division was 0 / 0."""
+    from nsbench.dynamics.contacts.kernels.cell_list import near_pairs
+
+    x = np.stack([np.arange(20.0) // 2, np.zeros(20)], axis=1)
+    found = near_pairs(x.ravel(), 0, 20, 2, np.zeros(20), 0.0)
+    assert np.array_equal(found, [np.arange(0, 20, 2), np.arange(1, 20, 2)])
+    one = near_pairs(np.ones(8), 0, 4, 2, np.zeros(4), 0.0)
+    assert len(one[0]) == 6

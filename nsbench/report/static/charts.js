@@ -83,9 +83,16 @@ const nsbench = {
         domainColor: colour("muted"),
         tickColor: colour("muted"),
         labelFontSize: 11.5,
+        labelSeparation: 6,
         titleFontSize: 12,
       },
-      legend: { labelColor: colour("ink"), labelFontSize: 12, symbolSize: 70 },
+      legend: {
+        labelColor: colour("ink"),
+        labelFontSize: 12,
+        symbolSize: 70,
+        // one legend below the other where two do not fit side by side
+        layout: { bottom: { direction: innerWidth < nsbench.NARROW ? "vertical" : "horizontal" } },
+      },
       view: { stroke: null },
     };
   },

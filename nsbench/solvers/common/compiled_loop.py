@@ -9,7 +9,6 @@ give the same bits; stats["loop"] says which it was ("compiled" or "host").
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import FunctionType
@@ -98,31 +97,28 @@ def _leave(t, out):
 
 def loop_in_python(kernel: Callable) -> Callable:
     """Return the loop in Python; the kernels that it calls stay compiled."""
-    return _in_python(kernel, {kernel.py_func.__name__})
+    return _in_python(kernel, lambda value: value is kernel)
 
 
 def module_in_python(kernel: Callable) -> Callable:
     """Return the loop and the kernels of its own file in Python; those imported stay compiled."""
-    names = vars(sys.modules[kernel.py_func.__module__])
-    own = {n for n, v in names.items() if _is_kernel_of(v, kernel.py_func.__module__)}
-    return _in_python(kernel, own)
+    file = kernel.py_func.__module__
+    return _in_python(kernel, lambda value: value.py_func.__module__ == file)
 
 
-def _is_kernel_of(value, module):
-    return hasattr(value, "py_func") and value.py_func.__module__ == module
-
-
-def _in_python(kernel, names):
-    """Return a kernel in Python, with those of its file that have one of the names."""
+def _in_python(kernel, is_interpreted):
+    """Return a kernel in Python, with those that it calls and that are to be interpreted."""
     from nsbench.compilation.decorators import python_entry
 
-    found = dict(vars(sys.modules[kernel.py_func.__module__]))
-    for name, value in list(found.items()):
-        if name in names:
-            found[name] = FunctionType(value.py_func.__code__, found, name)
-        elif hasattr(value, "py_func"):
-            found[name] = python_entry(value)
-    return found[kernel.py_func.__name__]
+    names = dict(kernel.py_func.__globals__)
+    interpreted = lambda f: FunctionType(
+        f.__code__, names, f.__name__, f.__defaults__, f.__closure__
+    )
+    for name, value in list(names.items()):
+        if hasattr(value, "py_func"):
+            inside = is_interpreted(value)
+            names[name] = interpreted(value.py_func) if inside else python_entry(value)
+    return interpreted(kernel.py_func)
 
 
 def entry_point(kernel: Callable, args: tuple) -> Callable:

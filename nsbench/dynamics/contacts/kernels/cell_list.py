@@ -29,6 +29,7 @@ def _cells(x, start, n, dim, size):
             z = max(z, v)
         lo[c] = a
         w = max(size, (z - a) / cap)
+        w = w if w > 0.0 else 1.0  # points on a line, without a size
         width[c] = w
         num[c] = int((z - a) / w) + 1
     total = 1
