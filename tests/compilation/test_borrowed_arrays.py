@@ -193,7 +193,13 @@ class Pull:
         return -x
 
 
-@pytest.mark.parametrize("make", [lambda xp: Pull(), lambda xp: numba.njit(lambda t, x: -x)])
+@numba.njit
+def compiled_pull(t, x):
+    """A drift that its author compiled."""
+    return -x
+
+
+@pytest.mark.parametrize("make", [lambda xp: Pull(), lambda xp: compiled_pull])
 @pytest.mark.parametrize("method", ["pbd", "theta"])
 def test_a_drift_that_is_another_callable_is_run(make, method):
     walls = (Affine(np.eye(2), np.full(2, -0.5)),)
