@@ -4,13 +4,15 @@
 Every kernel takes them from here, so that numba knows where to store kernels, and when they are
 current, before it compiles one (nsbench.compilation.numba_cache).
 
-Functions that only compiled functions call take `inner_kernel`, `fused_kernel`, `summing_kernel` or
-`inlined`: they get no machine code of their own (nsbench.compilation.inner_compiler), and are not
-stored on disk: their callers are, with their code in them. Where Python has to call one after all,
-in the loops of functions that numba cannot compile, `python_entry` makes an entry. Other things
-cost time to compile: arrays assigned to arrays (the message on shapes alone is put together by 25
-functions on strings), literals as arguments (one version of the function for each), functions of
-numpy on arrays. Hence `one`, and loops.
+Functions that only compiled functions call take `inner_kernel`, `fused_kernel` or `summing_kernel`:
+they get no machine code of their own (nsbench.compilation.inner_compiler). `inlined` ones are
+copied into their callers before numba infers types. None is stored on disk: their callers are, with
+their code in them. Where Python has to call one after all, in the loops of functions that numba
+cannot compile, `python_entry` makes an entry.
+
+Other things cost time to compile: arrays assigned to arrays (the message on shapes alone is put
+together by 25 functions on strings), literals as arguments (one version of the function for each),
+functions of numpy on arrays. Hence `one`, and loops.
 """
 
 from __future__ import annotations

@@ -82,4 +82,5 @@ def ready(G):
     ptr = G.indptr.astype(np.int64)
     cols = G.indices.astype(np.int64)
     P = active_set.pattern(ptr, cols, G.shape[1])
-    return P, python_entry(nested_dissection.assembly_tree)(ptr, cols, P.tptr, P.trow), G.data.astype(float)
+    tree = python_entry(nested_dissection.assembly_tree)
+    return P, tree(ptr, cols, P.tptr, P.trow), G.data.astype(float)

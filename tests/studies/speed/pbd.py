@@ -200,10 +200,12 @@ def pair_lists(scene, order):
 
 def ours(start, lists):
     """A run of our sweep over the list, certificate and records included; returns the positions."""
+    from nsbench.compilation.decorators import python_entry
     from nsbench.dynamics.contacts.kernels.contact_arrays import AffineRows
+    from nsbench.solvers.pbd.kernels import cell_sweep
     from nsbench.solvers.pbd.kernels.cell_storage import PairImpulses
-    from nsbench.solvers.pbd.kernels.cell_sweep import sweep_stored
 
+    sweep_stored = python_entry(cell_sweep.sweep_stored)
     rows = AffineRows(np.zeros(1, np.int64), np.empty(0, np.int64), np.empty(0), np.empty(0))
     m = lists[0].size
     y = start.copy()
