@@ -101,7 +101,10 @@ def test_whatever_a_check_comes_across_is_a_fault_of_one_line(monkeypatch, capsy
 def test_a_damaged_kernel_of_this_package_is_found_and_mended(tmp_path):
     """In processes of their own: one stores it, one finds it damaged, one compiles it again."""
     env = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "k"), "XDG_CACHE_HOME": str(tmp_path)}
-    use = "import numpy as np, nsbench.linalg.max_norm as m; print(m.largest(np.ones(2)))"
+    use = (
+        "import numpy as np; from nsbench.compilation.decorators import python_entry;"
+        "from nsbench.linalg.max_norm import largest; print(python_entry(largest)(np.ones(2)))"
+    )
     examine = "from nsbench.cli import doctor; print([*doctor._check_caches()])"
     (tmp_path / "here").mkdir()
 
