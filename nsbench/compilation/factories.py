@@ -67,6 +67,7 @@ def _pointer(factory, signature, make, make_scaled=None):
 
     from nsbench.compilation import cfunc_cache
 
+    function = None
     try:
         function = factory(np)
         name = cfunc_cache.name_of(signature, make.__qualname__, function)
@@ -77,11 +78,15 @@ def _pointer(factory, signature, make, make_scaled=None):
         if isinstance(scaling, Scaling):
             try:
                 return _scaled_pointer(name, signature, make_scaled, scaling)
-            except (NumbaError, CompileError):  # a number, say, which times `unit` is an array
+            except Exception:  # a number, say, which times `unit` is an array
                 pass
         return cfunc_cache.compiled(name, signature, make(_compiled(function)))
     except (NumbaError, NotImplementedError) as e:
         raise CompileError(_reason(str(e))) from None
+    except Exception as e:  # numba's code generator stops with errors of any kind
+        if function is None:  # of the factory, which is the user's own
+            raise
+        raise CompileError(f"numba stops with {type(e).__name__}: {_reason(str(e))}") from None
 
 
 def _scaled_pointer(name, signature, make, scaling):

@@ -15,11 +15,10 @@ from nsbench.dynamics.contacts.constraint_set import ConstraintSet, near_of
 from nsbench.error_bars.unit_gradients import UnitGradients, for_kernel
 
 if TYPE_CHECKING:
+    from nsbench.error_bars.kernels.case_rows import Listed
     from nsbench.error_bars.kernels.unit_gradients import Constraints
 
-ROUNDING = 1e-14  # of the state: steps that end an iteration
 NO_GRADIENTS = np.empty((0, 0, 0))
-TIME_STEP = 2.0**-20  # of own time, for the rate at which a moving constraint moves
 
 
 class ContactRows:
@@ -56,16 +55,9 @@ class ContactRows:
         some = copy.copy(self)
         some.ids = tuple([self.ids[k] for k in index])
         some.near = self.near.take(index)
-        for name in ("is_straight", "_in_kernels", "_families", "_columns", "_constant"):
+        for name in ("is_straight", "has_smooth", "_in_kernels", "_columns", "_constant"):
             some.__dict__.pop(name, None)
         return some
-
-    @cached_property
-    def _families(self) -> list[tuple]:
-        """Smooth families with contacts here, and the places of these."""
-        smooth = self.near.kind == SMOOTH
-        found = [(s, np.flatnonzero(smooth & (self.near.q == s))) for s in set(self.near.q[smooth])]
-        return [(self.scene.smooth(int(s)), sel) for s, sel in sorted(found, key=lambda f: f[0])]
 
     @cached_property
     def _in_kernels(self) -> Constraints:
@@ -102,14 +94,32 @@ class ContactRows:
         V = np.zeros((states, *self._columns[0].shape)) if states else NO_GRADIENTS
         X = for_kernel(X)
         gaps_and_gradients(self._in_kernels, *self._moving_data(t), X, g, V)
-        for fam, sel in self._families:
-            for k, (s, x) in enumerate(zip(t, X, strict=True)):
-                rows = fam.gradient(float(s), x)[self.near.p[sel]]
-                lengths = np.linalg.norm(rows, axis=1)
-                g[k, sel] = fam.g(float(s), x)[self.near.p[sel]] / lengths
-                if states:
-                    V[k, sel, : X.shape[1]] = rows / lengths[:, None]
+        every = np.arange(self.m)
+        for k, (s, x) in enumerate(zip(t, X, strict=True)) if self.has_smooth else ():
+            self.fill_smooth(float(s), x, every, g[k], V[k] if states else V)
         return g, V
+
+    @cached_property
+    def has_smooth(self) -> bool:
+        """Is a contact one of a Smooth constraint, which kernels leave to their caller?"""
+        return bool(np.any(self.near.kind == SMOOTH))
+
+    def fill_smooth(
+        self, t: float, x: np.ndarray, at: np.ndarray, g: np.ndarray, V: np.ndarray
+    ) -> None:
+        """Fill, for those of the contacts `at` (m,) that are Smooth ones, g (m,) with the gaps and
+        V (m, w) with the gradients at x (n,), as kernels do for the others; V of length 0 asks for
+        none."""
+        near = self.near
+        smooth = near.kind[at] == SMOOTH
+        for s in sorted({*near.q[at][smooth].tolist()}):
+            fam = self.scene.smooth(s)
+            sel = np.flatnonzero(smooth & (near.q[at] == s))
+            rows = fam.gradient(t, x)[near.p[at[sel]]]
+            lengths = np.linalg.norm(rows, axis=1)
+            g[sel] = fam.g(t, x)[near.p[at[sel]]] / lengths
+            if len(V):
+                V[sel, : len(x)] = rows / lengths[:, None]
 
     def gaps(self, t: np.ndarray, X: np.ndarray) -> np.ndarray:
         """Return (K, m) the gaps, each divided by the length of its gradient."""
@@ -132,20 +142,6 @@ class ContactRows:
         g, V = self._evaluate(t, X, len(X))
         return g, UnitGradients(*self._columns, V, X.shape[1])
 
-    @property
-    def can_be_searched(self) -> bool:
-        """Can first_closing look at all contacts: do they rest, and is none a Smooth one?"""
-        return not (self.is_moving or self._families)
-
-    def first_closing(
-        self, powers: np.ndarray, looks: np.ndarray, closed: float, bits: int
-    ) -> float:
-        """Return where the cubic with the coefficients powers (4, n) first closes a contact, to
-        2^-bits; infinity where none is closed at the places `looks`. See kernels.unit_gradients."""
-        from nsbench.error_bars.kernels.unit_gradients import first_closing
-
-        return first_closing(self._in_kernels, *self._still, powers, looks, closed, bits)
-
     def constant_gradients(self, t: float, x: np.ndarray) -> np.ndarray:
         """Return (m, n) the gradients of flat faces, which are those at any state.
 
@@ -160,19 +156,33 @@ class ContactRows:
             N[lost] = self.gradients(at, apart[None]).dense()[0][lost]
         return N
 
+    def listed(self, centre: np.ndarray, reach: float, is_flat: bool) -> Listed:
+        """Return the contacts as a list for kernels, of all pairs with a gap of at most `reach` at
+        centre (n,); is_flat: of all constraints, which are flat."""
+        from nsbench.error_bars.kernels.case_rows import Listed
+
+        anchors, levels = (a[0].copy() for a in self._still)
+        columns, count = self._columns
+        of_list = centre, float(reach), bool(is_flat), bool(self.is_moving)
+        return Listed(self._in_kernels, columns, count, anchors, levels, *of_list)
+
     def rates(self, t: np.ndarray, X: np.ndarray) -> np.ndarray:
         """Return (K, m) the partial derivatives of the gaps in time, by central differences."""
+        from nsbench.error_bars.kernels.case_rows import TIME_STEP
+
         if not self.is_moving:
             return np.zeros((len(t), self.m))
         return (self.gaps(t + TIME_STEP, X) - self.gaps(t - TIME_STEP, X)) / (2.0 * TIME_STEP)
 
     def closed(self, t: np.ndarray, X: np.ndarray, rounds: int = 1) -> np.ndarray:
         """Return states (K, n) near X at which all contacts are closed: Gauss-Newton steps."""
+        from nsbench.error_bars.kernels.local_piece import SETTLED
+
         for _ in range(rounds if self.m else 0):
             g, N = self.gaps_and_gradients(t, X)
             step = N.normal_part(g, is_refined=rounds == 1)
             X = X - step
-            if np.abs(step).max() <= ROUNDING * np.abs(X).max():
+            if np.abs(step).max() <= SETTLED * np.abs(X).max():
                 break
         return X
 
@@ -201,18 +211,3 @@ def size(v: np.ndarray) -> float:
     """Return the 2-norm of an array: of a short one, in a quarter of the time numpy takes."""
     flat = v.ravel()
     return math.sqrt(flat @ flat)
-
-
-def least_change(N: np.ndarray, c: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return v (n,) nearest to f (n,) with N v >= c, and q (m,) >= 0 with v = f + N^T q.
-
-    A least-distance problem, solved as nonnegative least squares (Lawson & Hanson, Solving Least
-    Squares Problems, 1974, chapter 23).
-    """
-    from scipy.optimize import nnls
-
-    need = c - N @ f
-    target = np.append(np.zeros(len(f)), 1.0)
-    u, _ = nnls(np.vstack([N.T, need]), target)
-    q = u / max(1.0 - float(need @ u), 1e-300)
-    return f + N.T @ q, q

@@ -6,7 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from nsbench.compilation.factories import CompileError, as_numpy, rhs_cfunc
+from nsbench.compilation.case_functions import drift_function
+from nsbench.compilation.factories import CompileError, as_numpy
 from nsbench.error_bars.unit_gradients import for_kernel
 
 
@@ -15,15 +16,18 @@ class Drift:
 
     n: coordinates. origin, time, length: t0, T and L, of units in which the drift is not written.
     It is compiled as the user wrote it, as for the runs of the case, and scaled where it is
-    evaluated: one compilation serves both. is_compiled: could numba compile it?
+    evaluated: one compilation serves both. units: origin, time, length. function: the drift for
+    kernels, without these. is_compiled: could numba compile it?
     """
 
     def __init__(
         self, drift: Callable, n: int, origin: float = 0.0, time: float = 1.0, length: float = 1.0
     ):
-        self._units = origin, time, length
+        self.units = origin, time, length
+        # as the user wrote it, and how to compile it
+        self.function = drift_function(drift, n)
         try:
-            self._pointer = rhs_cfunc(drift, n)
+            self._pointer = self.function.pointer()
         except CompileError:
             self._in_numpy = as_numpy(drift)
             self.is_compiled = False
@@ -46,9 +50,9 @@ class Drift:
         out = np.empty(X.shape)
         if self.is_compiled:
             times = np.ascontiguousarray(t, float)
-            self._values(self._pointer, *self._units, times, for_kernel(X), out)
+            self._values(self._pointer, *self.units, times, for_kernel(X), out)
             return out
-        origin, time, length = self._units
+        origin, time, length = self.units
         for k, (s, x) in enumerate(zip(t, X, strict=True)):
             out[k] = np.ravel(self._in_numpy(origin + time * float(s), length * x))
         out *= time / length

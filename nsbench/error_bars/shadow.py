@@ -9,29 +9,26 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 from nsbench.error_bars.contact_rows import ContactRows, size
 from nsbench.error_bars.drift import Drift
+from nsbench.error_bars.kernels.cone_projection import PULL
+from nsbench.error_bars.kernels.cubic import (
+    BEYOND_SIMPSON,
+    BOOLE,
+    HIDDEN,
+    HIDDEN_WEIGHTS,
+    QUARTERS,
+)
+from nsbench.error_bars.kernels.local_piece import CLOSED, NEWTON, OUTSIDE, REPAIRS
+from nsbench.error_bars.pieces import Pieces
 
-CLOSED = 1e-12  # of own length: a gap that is zero up to rounding
-OUTSIDE = 1e3 * CLOSED  # a state that violates no constraint by more counts as one of S
-PULL = 1e-6  # of own speed: less of a pull at an end of an arc is part of its residual
-NEWTON = 6  # Gauss-Newton steps onto a curved face
-SKIN = 2.0  # times the reach: as far as pairs are listed
-LONG = 8.0  # times the reach: a list that holds far more than what is asked for is made anew
 MOST_ROWS = 2_000  # constraints that are all looked at
-REPAIRS = 20  # rounds in which violated constraints are closed as well
-PLACES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of an arc, where its residual is computed
-HIDDEN = (0.137, 0.571)  # where a drift that oscillates from quarter to quarter shows itself
-HIDDEN_WEIGHTS = [
-    [np.prod([(w - b) / (a - b) for b in PLACES if b != a]) for a in PLACES] for w in HIDDEN
-]
-BOOLE = np.array([7.0, 32.0, 12.0, 32.0, 7.0]) / 90.0
-PEAK = 1.25  # times the largest residual at PLACES: one between them is less
-BEYOND_SIMPSON = BOOLE - np.array([1.0, 0.0, 4.0, 0.0, 1.0]) / 6.0
+PEAK = 1.25  # times the largest residual at QUARTERS: one between them is less
 BETWEEN = (0.125, 0.375, 0.625, 0.875)  # where it must be in S as well
 
 
@@ -53,20 +50,12 @@ class Shadow:
         self.is_flat = all(c.dim == 1 for _, c, _ in scene.hard)
         self.is_flat &= pairs + len(scene.all_static()) <= MOST_ROWS
         self._all: ContactRows | None = None
-        self._list: tuple[np.ndarray, float, ContactRows] | None = None
 
     def rows(self, ids: Sequence[tuple]) -> ContactRows:
         """Return the rows of the contacts `ids`, made once."""
         key = tuple(ids)
         if key not in self._rows:
             self._rows[key] = ContactRows(self.scene, key)
-        return self._rows[key]
-
-    def part(self, rows: ContactRows, index: np.ndarray) -> ContactRows:
-        """Return the rows of the given index (k,), made once for each set of contacts."""
-        key = tuple([rows.ids[k] for k in index])
-        if key not in self._rows:
-            self._rows[key] = rows.take(index)
         return self._rows[key]
 
     def all_rows(self) -> ContactRows:
@@ -76,22 +65,10 @@ class Shadow:
             self._all = self.rows(self.scene.near(origin, np.inf, 0.0).ids)
         return self._all
 
-    def near_rows(self, y: np.ndarray, reach: float) -> ContactRows:
-        """Return the rows of all contacts that may have a gap of at most `reach` at y (n,).
-
-        Pairs are listed with a skin (Verlet, Phys. Rev. 159, 1967), and anew when the state has
-        moved so far that others may be as near.
-        """
-        if self.is_flat:
-            return self.all_rows()
-        # the gap of a pair changes by at most sqrt(2) times what the state moves
-        if self._list is not None:
-            at, listed, rows = self._list
-            if reach + 2.0 * size(y - at) <= listed <= LONG * reach:
-                return rows
-        near = self.scene.near(y, SKIN * reach)
-        self._list = y, SKIN * reach, ContactRows(self.scene, near.ids, near)
-        return self._list[2]
+    @cached_property
+    def pieces(self) -> Pieces:
+        """Return what follows the pieces of local solutions."""
+        return Pieces(self.scene, self.drift, self.all_rows() if self.is_flat else None)
 
     def fields(self, t: np.ndarray, X: np.ndarray) -> np.ndarray:
         """Return (K, n) the drift at K states."""
@@ -150,11 +127,11 @@ class Shadow:
         rows = self.rows(ids)
         V0 = self.velocities(t, Y0, F0, rows)
         V1 = self.velocities(t + H, Y1, F1, rows)
-        residual = np.empty((len(PLACES), *Y0.shape))
+        residual = np.empty((len(QUARTERS), *Y0.shape))
         field = np.empty_like(residual)
         inside = np.ones(len(t), bool)
-        q = np.zeros((len(PLACES), len(t), rows.m))
-        for e, w in enumerate(PLACES):
+        q = np.zeros((len(QUARTERS), len(t), rows.m))
+        for e, w in enumerate(QUARTERS):
             P, dP = hermite(w, H[:, None], Y0, Y1, V0, V1)
             s = t + w * H
             if rows.m and not (rows.is_straight and not rows.is_moving):
@@ -179,7 +156,7 @@ class Shadow:
                 P = rows.closed(t + w * H, P)
             inside &= self.least_gaps(t + w * H, P) >= -OUTSIDE
         # where a contact pulls at an end, the motion has left it: no arc
-        pull = np.linalg.norm(residual[:: len(PLACES) - 1], axis=2).max(axis=0)
+        pull = np.linalg.norm(residual[:: len(QUARTERS) - 1], axis=2).max(axis=0)
         inside &= pull <= PULL * np.maximum(1.0, np.linalg.norm(F0, axis=1))
         unseen = np.zeros(len(t))
         for w, weights in zip(HIDDEN, HIDDEN_WEIGHTS, strict=True):
@@ -214,10 +191,10 @@ class Stretch:
 
 
 class Arcs:
-    """Residuals (5, K, n) and drifts (5, K, n) at PLACES of K arcs; `inside` (K,): is it in S?
+    """Residuals (5, K, n) and drifts (5, K, n) at QUARTERS of K arcs; `inside` (K,): is it in S?
 
-    q (5, K, m): multipliers of unit gradients at PLACES; controls (4, K, n): Bezier control points;
-    unseen (K,): integrals of what the drift is beside the polynomial through PLACES, as far as
+    q (5, K, m): multipliers of unit gradients at QUARTERS; controls (4, K, n): Bezier control points;
+    unseen (K,): integrals of what the drift is beside the polynomial through QUARTERS, as far as
     HIDDEN places show it.
     """
 

@@ -28,9 +28,10 @@ import numpy as np
 
 from nsbench.error_bars.contact_rows import ContactRows, size
 from nsbench.error_bars.growth import Linear
+from nsbench.error_bars.kernels.local_piece import OUTSIDE
 from nsbench.error_bars.linear_flow import Flow, residual_size
 from nsbench.error_bars.local_solution import local_solution
-from nsbench.error_bars.shadow import OUTSIDE, Stretch
+from nsbench.error_bars.shadow import Stretch
 
 RANK = 1e-9  # relative singular value below which rows count as dependent
 # of the error: a second solution is worth it where more than UNKNOWN of it has no known direction,

@@ -4,11 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-# Relative to the diagonal of the Gram matrix of unit gradients: contacts that are dependent up to
-# this are closed as one, not each for itself.
-DAMPING = 1e-10
-
-
 def for_kernel(a: np.ndarray) -> np.ndarray:
     """Return the array in the layout for which kernels are compiled.
 
@@ -67,7 +62,7 @@ class UnitGradients:
     def normal_part(self, g: np.ndarray, is_refined: bool = True) -> np.ndarray:
         """Return (K, n) the shortest d with N d = g.
 
-        Rows that depend on one another are damped by DAMPING; one step of iterative refinement,
+        Rows that depend on one another are damped (kernels.gram); one step of iterative refinement,
         which an iteration over N does without.
         """
         if not g.any():
@@ -75,7 +70,7 @@ class UnitGradients:
         return self.back(self.multipliers(g, is_refined))
 
     def multipliers(self, g: np.ndarray, is_refined: bool = False) -> np.ndarray:
-        """Return (K, m) q with N N^T q = g, by Gram matrices that are damped by DAMPING.
+        """Return (K, m) q with N N^T q = g, by Gram matrices that are damped.
 
         is_refined: with a step of iterative refinement against the matrices without damping.
         """
@@ -83,38 +78,17 @@ class UnitGradients:
 
         q = np.empty(g.shape)
         arrays = self.columns, self.values, self.count
-        if gram_multipliers(*arrays, self.n, for_kernel(g), DAMPING, is_refined, q):
-            return q
-        N = self.dense()
-        stack = N @ N.transpose(0, 2, 1) + DAMPING * np.eye(N.shape[1])
-        return np.linalg.solve(stack, g[..., None])[..., 0]
+        gram_multipliers(*arrays, self.n, for_kernel(g), is_refined, q)
+        return q
 
-    def off_cone(
-        self, d: np.ndarray, pushes: np.ndarray | None = None
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def off_cone(self, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Split d into N^T q with q >= 0 and a shortest rest; return rest (K, n) and q (K, m).
 
-        The rest is what an inclusion x' in f + N^T q lacks. pushes (K, m): a guess of the contacts
-        with q > 0, tried first. By block pivoting, or else by nonnegative least squares.
+        The rest is what an inclusion x' in f + N^T q lacks.
         """
-        from nsbench.error_bars.kernels.gram import split_off_cone
+        from nsbench.error_bars.kernels.cone_projection import split_off_cone
 
-        d = for_kernel(d)
         q = np.empty((len(d), len(self.columns)))
         rest = np.empty(d.shape)
-        tried = np.zeros(q.shape, bool) if pushes is None else pushes.copy()
-        arrays = self.columns, self.values, self.count
-        found = split_off_cone(*arrays, d, tried, DAMPING, q, rest)
-        if not found.all():
-            self._by_least_squares(np.flatnonzero(~found), d, q, rest)
+        split_off_cone(self.columns, self.values, self.count, for_kernel(d), q, rest)
         return rest, q
-
-    def _by_least_squares(self, at, d, q, rest):
-        """Fill q and rest at the states `at` by nonnegative least squares."""
-        from scipy.optimize import nnls
-
-        N = self.dense()
-        for k in at:
-            some = N[k if len(N) > 1 else 0]
-            q[k] = nnls(some.T, d[k])[0]
-            rest[k] = d[k] - q[k] @ some

@@ -6,13 +6,17 @@ from scipy.sparse import csr_array
 
 import nsbench
 from nsbench import Affine, Complementarity, Distance, Smooth
+from nsbench.compilation.decorators import python_entry
 from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 from nsbench.error_bars.contact_rows import ContactRows
 from nsbench.error_bars.drift import Drift
-from nsbench.error_bars.kernels.gram import gram_multipliers
-from nsbench.error_bars.kernels.unit_gradients import first_closing, gaps_and_gradients
+from nsbench.error_bars.kernels.cone_projection import _least_change, _one_by_one
+from nsbench.error_bars.kernels.gram import DAMPING, gram_multipliers
+from nsbench.error_bars.kernels.local_piece import follow_piece
+from nsbench.error_bars.kernels.unit_gradients import gaps_and_gradients
 from nsbench.error_bars.shadow import Shadow
-from nsbench.error_bars.unit_gradients import DAMPING, UnitGradients
+from nsbench.error_bars.unit_gradients import UnitGradients
+from nsbench.linalg.skyline_cholesky import arrange
 
 
 def _at_rest(xp):
@@ -83,39 +87,129 @@ def test_a_row_that_lists_a_coordinate_twice_is_its_sum():
     assert np.allclose(N.multipliers(np.ones((1, 1))), 1.0, rtol=1e-9)
 
 
-def test_the_first_gap_that_closes_on_a_cubic_is_found():
-    """x = 1 - 2 w and y = 1 - 8 w^3 reach the walls x >= 0.25 and y >= 0.5 at w = 0.375 and at the
+def pieces_of(problem, n, drift=None):
+    scene = ConstraintSet(problem, n)
+    return Shadow(scene, Drift(drift or problem.drift, n)).pieces
+
+
+def test_a_piece_ends_where_the_first_gap_closes():
+    """x = 1 - 2 t and y = 1 - 8 t^3 reach the walls x >= 0.25 and y >= 0.5 at t = 0.375 and at the
     cube root of 1/16."""
-    walls = Complementarity(_at_rest, (Affine(np.diag([4.0, 1.0]), b=np.array([-1.0, -0.5])),))
-    scene = ConstraintSet(walls, 2)
-    rows = ContactRows(scene, [(0, 0), (0, 1)])
-    powers = np.array([[1.0, 1.0], [-2.0, 0.0], [0.0, 0.0], [0.0, -8.0]])
-    looks = np.arange(1, 17) / 16.0
-    assert rows.can_be_searched
-    assert rows.first_closing(powers, looks, 0.0, 45) == pytest.approx(0.375, abs=1e-12)
-    only = rows.take(np.array([1]))
-    end = only.first_closing(powers, looks, 1e-9, 45)
-    assert end == pytest.approx(16.0 ** (-1 / 3), abs=1e-9)
-    X = (powers[0] + end * (powers[1] + end * (powers[2] + end * powers[3])))[None]
-    assert only.gaps(np.zeros(1), X)[0, 0] < 1e-9
-    assert rows.first_closing(powers, looks[:5], 0.0, 45) == np.inf
-    assert rows.first_closing(np.nan * powers, looks, 0.0, 45) < looks[0]
+
+    def fall(xp):
+        return lambda t, x: xp.array([-2.0 + 0.0 * t, -24.0 * t**2])
+
+    both = Affine(np.diag([4.0, 1.0]), b=np.array([-1.0, -0.5]))
+    upper = Affine(np.array([[0.0, 1.0]]), b=np.array([-0.5]))
+    for wall, length, gap in ((both, 0.375, 0), (upper, 16.0 ** (-1 / 3), 0)):
+        pieces = pieces_of(Complementarity(fall, (wall,)), 2)
+        rows, piece = pieces.follow(0.0, 1.0, np.ones(2))
+        assert piece.length == pytest.approx(length, abs=1e-12) and piece.is_cut
+        assert piece.slack < 1e-12 and not len(piece.closed)
+        left = rows.gaps(np.array([length]), piece.end[None])[0, gap]
+        assert abs(left) <= 1e-12
+    _, piece = pieces.follow(0.0, 0.3, np.ones(2))
+    assert piece.length == 0.3 and not piece.is_cut
+    with pytest.raises(ArithmeticError, match="not finite"):
+        pieces.follow(0.0, np.nan, np.ones(2))
+
+
+def test_a_piece_ends_where_the_first_multiplier_vanishes():
+    """On the floor y >= 0 under gravity cos t the ground pushes until t = pi / 2."""
+
+    def weight(xp):
+        return lambda t, x: xp.array([1.0 + 0.0 * t, -xp.cos(t)])
+
+    floor = Affine(np.array([[0.0, 2.0]]), b=np.zeros(1))
+    pieces = pieces_of(Complementarity(weight, (floor,)), 2)
+    rows, piece = pieces.follow(0.0, 2.0, np.zeros(2))
+    assert piece.length == pytest.approx(np.pi / 2, abs=1e-5) and piece.is_cut
+    assert piece.acting.tolist() == [0] and rows.ids[0] == (0, 0)
+    quarters = np.arange(5) * piece.length / 4
+    assert np.allclose(piece.loads[:, 0], np.cos(quarters), atol=1e-5)
+    assert np.allclose(piece.end, [piece.length, 0.0], atol=1e-12)
+
+
+def ring(xp):
+    return lambda t, x: xp.array([x[0] ** 2 + x[1] ** 2 - 1.0])
+
+
+def ring_gradient(xp):
+    return lambda t, x: xp.array([[2.0 * x[0], 2.0 * x[1]]])
+
+
+def still(xp):
+    return lambda t, x: xp.zeros(1) + 0.0 * t
+
+
+def rising(xp):
+    return lambda t: xp.array([-1.0 - 0.25 * xp.sin(t)])
+
+
+ROUND = {
+    "anchor": Distance(1.0, anchors=np.zeros((1, 2))),
+    "Smooth": Smooth(ring, ring_gradient, still),
+}
+
+
+@pytest.mark.parametrize("kind", ROUND)
+def test_a_piece_slides_round_a_disc(kind):
+    """x' = (1, 0) slides over the unit disc from (-0.8, 0.6): its angle a has a' = -sin a."""
+    east = lambda xp: lambda t, x: xp.array([1.0, 0.0]) + 0.0 * x
+    pieces = pieces_of(Complementarity(east, (ROUND[kind],)), 2)
+    _, piece = pieces.follow(0.0, 0.05, np.array([-0.8, 0.6]))
+    start = 2.0 * np.arctan2(0.6, -0.8 + 1.0) / 1.0
+    half = np.tan(0.5 * start) * np.exp(-0.05)
+    exact = 2.0 * np.arctan(half)
+    assert np.allclose(piece.end, [np.cos(exact), np.sin(exact)], atol=1e-8)
+    assert piece.acting.tolist() == [0]
+    assert piece.loads[0, 0] == pytest.approx(0.8, abs=1e-9)
+
+
+def uncompiled(drift):
+    """The same drift, as numba cannot compile it."""
+
+    def make(xp):
+        f = drift(xp)
+        return lambda t, x: np.array([float(repr(float(v))) for v in f(t, x)])
+
+    return make
+
+
+@pytest.mark.parametrize("name", ["discs[n=3]", "wedge", "tide", "chain"])
+def test_a_piece_in_python_is_that_of_the_kernel(name):
+    """Where a drift cannot be compiled its source runs in Python, with the same numbers."""
+    case = nsbench.get_case(name)
+    compiled = pieces_of(case.problem, case.n)
+    plain = pieces_of(case.problem, case.n, uncompiled(case.problem.drift))
+    assert compiled._loop == "compiled" and plain._loop == "host"
+    y = np.array(case.x0, float)
+    t = float(case.t[0])
+    for _ in range(4):
+        rows, one = compiled.follow(t, float(case.t[-1]) / 9, y)
+        others, other = plain.follow(t, float(case.t[-1]) / 9, y)
+        assert rows.ids == others.ids
+        for a, b in zip(one, other, strict=True):
+            assert np.allclose(a, b, rtol=1e-9, atol=1e-13)
+        y = one.end
+        t += one.length
 
 
 def test_no_pair_that_comes_near_is_missed_between_two_listings():
     case = nsbench.get_case("discs[n=30]")
     scene = ConstraintSet(case.problem, case.n)
-    shadow = Shadow(scene, Drift(case.problem.drift, case.n))
+    pieces = pieces_of(case.problem, case.n)
     rng = np.random.default_rng(2)
     y = np.array(case.x0, float)
+    dt = 0.1 / np.linalg.norm(Drift(case.problem.drift, case.n)(0.0, y))
     listed = set()
     for _ in range(200):
         y = y + 0.01 * rng.normal(size=case.n)
-        rows = shadow.near_rows(y, 0.5)
+        rows, _ = pieces.follow(0.0, dt, y)
         listed.add(id(rows))
-        assert set(scene.near(y, 0.5).ids) <= set(rows.ids)
+        assert set(scene.near(y, 0.35).ids) <= set(rows.ids)
     assert 1 < len(listed) < 100
-    assert shadow.near_rows(y, 0.01).m < rows.m
+    assert pieces.follow(0.0, 0.01 * dt, y)[0].m < rows.m
 
 
 def test_a_drift_that_numba_cannot_compile_has_the_same_values():
@@ -193,7 +287,7 @@ def test_arrays_that_may_not_be_written_to_compile_no_second_version():
     for scene in ("discs[n=3]", "moving_floor", "bean", "chain"):
         case = nsbench.get_case(scene)
         nsbench.solve(case, "pbd", h=case.t[1] - case.t[0]).bound.state.max()
-    for kernel in (first_closing, gaps_and_gradients):
+    for kernel in (follow_piece, gaps_and_gradients):
         assert len(kernel.signatures) == 1
 
 
@@ -210,3 +304,41 @@ def test_what_is_off_a_cone_is_the_shortest_rest():
         assert np.allclose(d - rest, (q[:, None] @ N)[:, 0], atol=1e-12)
         for k in range(20):
             assert np.linalg.norm(rest[k]) == pytest.approx(nnls(N[k].T, d[k])[1], abs=1e-8)
+
+
+def test_rows_are_added_one_by_one_where_pivoting_would_cycle():
+    """Nonnegative least squares of another make, of normals that depend on one another."""
+    from scipy.optimize import nnls
+
+    one_by_one = python_entry(_one_by_one)
+    plan_of = python_entry(arrange)
+    rng = np.random.default_rng(6)
+    for contacts in (2, 9, 30):
+        N = _normals(rng, 1, 12, contacts)
+        arrays = UnitGradients.of(N)
+        C, V, count = arrays.columns, arrays.values[0], arrays.count
+        plan = plan_of(C, count, contacts, 24)
+        for _ in range(20):
+            d = rng.normal(size=24)
+            q = np.empty(contacts)
+            rest = np.empty(24)
+            pushes = np.zeros(contacts, bool)
+            one_by_one(plan, C, V, count, pushes, d, q, rest)
+            assert q.min() >= 0.0 and np.all(q[~pushes] == 0.0)
+            assert np.allclose(d - rest, q @ N[0], atol=1e-12)
+            assert np.linalg.norm(rest) == pytest.approx(nnls(N[0].T, d)[1], abs=1e-8)
+
+
+def test_the_least_change_of_a_velocity_keeps_walls_apart():
+    """Two walls at an angle drive a point: both of them, or one where the other recedes."""
+    least_change = python_entry(_least_change)
+    v = np.empty(2)
+    q = np.empty(2)
+    turned = np.array([[1.0, 0.0], [0.6, 0.8]])
+    arrays = UnitGradients.of(turned[None])
+    given = arrays.columns, arrays.values[0], arrays.count
+    least_change(*given, np.array([-1.0, -1.0]), np.array([-3.0, 0.0]), v, q)
+    assert np.allclose(v, [1.0, 0.5], atol=1e-8)
+    assert np.allclose(v, np.array([-3.0, 0.0]) + q @ turned, atol=1e-8) and q.min() > 0.0
+    least_change(*given, np.array([-1.0, 5.0]), np.array([0.2, -3.0]), v, q)
+    assert np.allclose(v, [1.0, -3.0], atol=1e-8) and np.allclose(q, [0.8, 0.0], atol=1e-8)

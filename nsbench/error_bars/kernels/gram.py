@@ -8,23 +8,27 @@ gradients hold them once, K = 1.
 import numpy as np
 
 from nsbench.compilation.decorators import inner_kernel, njit
-from nsbench.linalg.skyline_cholesky import arrange, factor, fill, solve
+from nsbench.linalg.skyline_cholesky import EnvelopePlan, arrange, factor, fill, solve
 
-PIVOTS = 8  # rounds of block pivoting
-OPENS = 10.0  # times the damping: a rate at which a contact opens that is more than rounding
+# Relative to the diagonal of the Gram matrix of unit gradients: contacts that are dependent up to
+# this are closed as one, not each for itself.
+DAMPING = 1e-10
+RAISES = 6  # times that the damping is tried, a hundred times as large each, until a factor exists
 
 
 @inner_kernel
-def _add_back(C, V, count, m, q, out):
-    """Add N^T q to out (n,)."""
+def add_multiplied(
+    C: np.ndarray, V: np.ndarray, count: np.ndarray, m: int, q: np.ndarray, out: np.ndarray
+) -> None:
+    """Add N^T q to out (n,), for q (m,) and the unit gradients of one state."""
     for k in range(m):
         for e in range(count[k]):
             out[C[k, e]] += V[k, e] * q[k]
 
 
 @inner_kernel
-def _times(C, V, count, k, d):
-    """Return row k of N d."""
+def times_row(C: np.ndarray, V: np.ndarray, count: np.ndarray, k: int, d: np.ndarray) -> float:
+    """Return row k of N d, for d (n,) and the unit gradients of one state."""
     s = 0.0
     for e in range(count[k]):
         s += V[k, e] * d[C[k, e]]
@@ -32,16 +36,21 @@ def _times(C, V, count, k, d):
 
 
 @inner_kernel
-def _factored(plan, C, V, count, m, damping, zeros, E):
-    """Fill E with the factor of N N^T + damping; returns False if it is not positive.
+def _factor_gram(plan, C, V, count, m, zeros, E):
+    """Fill E with the factor of N N^T + DAMPING, or of more damping if that is not positive.
 
-    zeros (n,): zeros, which it leaves.
+    zeros (n,): zeros, which it leaves. Gradients that are no numbers have none, nor has E.
     """
     _, _, ends, _, _ = plan
-    fill(plan, C, V, count, m, zeros, E)
-    for i in range(m):
-        E[ends[i + 1] - 1] += damping
-    return factor(plan, m, E, 0.0)
+    damping = DAMPING
+    for _ in range(RAISES):
+        fill(plan, C, V, count, m, zeros, E)
+        for i in range(m):
+            E[ends[i + 1] - 1] += damping
+        if factor(plan, m, E, 0.0):
+            return
+        damping *= 100.0
+    E[:] = np.nan
 
 
 @inner_kernel
@@ -52,13 +61,37 @@ def _solved(plan, C, V, count, m, n, E, is_refined, g, q):
     if not is_refined:
         return
     along = np.zeros(n)
-    _add_back(C, V, count, m, q, along)
+    add_multiplied(C, V, count, m, q, along)
     lack = np.empty(m)
     for k in range(m):
-        lack[k] = g[k] - _times(C, V, count, k, along)
+        lack[k] = g[k] - times_row(C, V, count, k, along)
     solve(plan, m, E, lack, lack)
     for k in range(m):
         q[k] += lack[k]
+
+
+@inner_kernel
+def solve_gram(
+    plan: EnvelopePlan,
+    C: np.ndarray,
+    V: np.ndarray,
+    count: np.ndarray,
+    n: int,
+    g: np.ndarray,
+    is_refined: bool,
+    q: np.ndarray,
+) -> None:
+    """Fill q (m,) with the solution of (N N^T + DAMPING) q = g, for g (m,); one state.
+
+    plan: of the Gram matrix (skyline_cholesky.arrange). C, V (m, w), count (m,): unit gradients in
+    n coordinates. is_refined: with one step of iterative
+    refinement against N N^T.
+    """
+    m = len(C)
+    _, _, ends, _, _ = plan
+    E = np.empty(ends[m])
+    _factor_gram(plan, C, V, count, m, np.zeros(n), E)
+    _solved(plan, C, V, count, m, n, E, is_refined, g, q)
 
 
 @njit(cache=True, error_model="numpy")
@@ -68,14 +101,12 @@ def gram_multipliers(
     count: np.ndarray,
     n: int,
     g: np.ndarray,
-    damping: float,
     is_refined: bool,
     q: np.ndarray,
-) -> bool:
-    """Fill q (K, m) with the solutions of (N N^T + damping) q = g, for g (K, m).
+) -> None:
+    """Fill q (K, m) with the solutions of (N N^T + DAMPING) q = g, for g (K, m); K states.
 
-    C (m, w), V (K or 1, m, w), count (m,): unit gradients in n coordinates. is_refined: with one
-    step of iterative refinement against N N^T. Returns False if a matrix is not positive.
+    V (K or 1, m, w): the rest as in solve_gram.
     """
     m = len(C)
     plan = arrange(C, count, m, n)
@@ -84,10 +115,9 @@ def gram_multipliers(
     zeros = np.zeros(n)
     for s in range(len(g)):
         at = s if len(V) > 1 else 0
-        if at == s and not _factored(plan, C, V[at], count, m, damping, zeros, E):
-            return False
+        if at == s:
+            _factor_gram(plan, C, V[at], count, m, zeros, E)
         _solved(plan, C, V[at], count, m, n, E, is_refined, g[s], q[s])
-    return True
 
 
 @njit(cache=True, error_model="numpy")
@@ -96,7 +126,7 @@ def times(C: np.ndarray, V: np.ndarray, count: np.ndarray, d: np.ndarray, out: n
     for s in range(len(d)):
         at = s if len(V) > 1 else 0
         for k in range(len(C)):
-            out[s, k] = _times(C, V[at], count, k, d[s])
+            out[s, k] = times_row(C, V[at], count, k, d[s])
 
 
 @njit(cache=True, error_model="numpy")
@@ -105,108 +135,21 @@ def add_back(
 ) -> None:
     """Add N^T q to out (K, n), for q (K, m) and unit gradients as in gram_multipliers."""
     for s in range(len(q)):
-        _add_back(C, V[s if len(V) > 1 else 0], count, len(C), q[s], out[s])
+        add_multiplied(C, V[s if len(V) > 1 else 0], count, len(C), q[s], out[s])
 
 
 @inner_kernel
-def _least_squares(C, V, count, n, pushes, d, damping, is_refined, q):
-    """Fill q (m,) with the multipliers of the rows `pushes` (m,) that make d - N^T q shortest, 0.0
-    for the others. Returns False if their Gram matrix is not positive."""
-    some = np.flatnonzero(pushes)
-    p = len(some)
-    q[:] = 0.0
-    if p == 0:
-        return True
-    columns = np.empty((p, C.shape[1]), np.int64)
-    values = np.empty((p, C.shape[1]))
-    length = np.empty(p, np.int64)
-    g = np.empty(p)
-    for a in range(p):
-        k = some[a]
-        length[a] = count[k]
-        g[a] = _times(C, V, count, k, d)
-        for e in range(C.shape[1]):
-            columns[a, e] = C[k, e]
-            values[a, e] = V[k, e]
-    plan = arrange(columns, length, p, n)
-    _, _, ends, _, _ = plan
-    E = np.empty(ends[p])
-    if not _factored(plan, columns, values, length, p, damping, np.zeros(n), E):
-        return False
-    found = np.empty(p)
-    _solved(plan, columns, values, length, p, n, E, is_refined, g, found)
-    for a in range(p):
-        q[some[a]] = found[a]
-    return True
-
-
-@inner_kernel
-def _mark_wrong(C, V, count, pushes, d, damping, q, rest, wrong):
-    """Fill rest (n,) with d - N^T q, and wrong (m,): rows with q < 0, and rows that do not push and
-    along which the rest opens nothing but closes. Returns how many are wrong."""
-    size = 0.0
-    for c in range(len(d)):
-        rest[c] = -d[c]
-        size += d[c] * d[c]
-    _add_back(C, V, count, len(C), q, rest)
-    for c in range(len(d)):
-        rest[c] = -rest[c]
-    most = OPENS * damping * np.sqrt(size)
-    found = 0
-    for k in range(len(C)):
-        wrong[k] = q[k] < 0.0 or (not pushes[k] and _times(C, V, count, k, rest) > most)
-        found += wrong[k]
-    return found
-
-
-@inner_kernel
-def _pivoted(C, V, count, n, pushes, d, damping, q, rest, wrong):
-    """Fill q (m,) >= 0 such that rest = d - N^T q is shortest; returns False without success.
-
-    pushes (m,): a guess of the rows with q > 0, tried first, and overwritten. Without one all rows
-    are tried. Then all rows on the wrong side change sides at once (block pivoting: Portugal,
-    Judice & Vicente, Math. Comp. 63, 1994), which can cycle.
-    """
-    for r in range(2 + PIVOTS):
-        for k in range(len(C)):
-            if r == 1:
-                pushes[k] = True
-            elif r == 2:
-                pushes[k] = q[k] > 0.0
-            elif r > 2:
-                pushes[k] = pushes[k] != wrong[k]
-        if r == 0 and not np.any(pushes):
-            continue
-        if _least_squares(C, V, count, n, pushes, d, damping, r > 1, q):
-            if _mark_wrong(C, V, count, pushes, d, damping, q, rest, wrong) == 0:
-                return True
-        elif r > 0:
-            return False
-    return False
-
-
-@njit(cache=True, error_model="numpy")
-def split_off_cone(
+def shortest(
+    plan: EnvelopePlan,
     C: np.ndarray,
     V: np.ndarray,
     count: np.ndarray,
-    d: np.ndarray,
-    pushes: np.ndarray,
-    damping: float,
-    q: np.ndarray,
-    rest: np.ndarray,
-) -> np.ndarray:
-    """Fill q (K, m) >= 0 and rest (K, n) such that d = N^T q + rest with the shortest rest.
-
-    d (K, n); unit gradients as in gram_multipliers. pushes (K, m): a guess of the rows with q > 0,
-    replaced by those that have it; none is no guess. Returns (K,): was it found?
-    """
-    found = np.empty(len(d), np.bool_)
-    wrong = np.empty(len(C), np.bool_)
-    n = d.shape[1]
-    for s in range(len(d)):
-        at = s if len(V) > 1 else 0
-        found[s] = _pivoted(C, V[at], count, n, pushes[s], d[s], damping, q[s], rest[s], wrong)
-        for k in range(len(C)):
-            pushes[s, k] = q[s, k] > 0.0
-    return found
+    g: np.ndarray,
+    is_refined: bool,
+    out: np.ndarray,
+) -> None:
+    """Fill out (n,) with the shortest d with N d = g, for g (m,); arguments as in solve_gram."""
+    q = np.empty(len(C))
+    solve_gram(plan, C, V, count, len(out), g, is_refined, q)
+    out[:] = 0.0
+    add_multiplied(C, V, count, len(C), q, out)

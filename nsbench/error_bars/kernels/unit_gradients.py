@@ -1,12 +1,13 @@
-"""Gaps and unit gradients of contacts at many states, and the first gap that closes on a cubic."""
+"""Gaps and unit gradients of contacts, at one state or at many."""
 
 from typing import NamedTuple
 
 import numpy as np
 
 from nsbench.compilation.borrowed_arrays import borrowed
-from nsbench.compilation.decorators import inner_kernel, njit
+from nsbench.compilation.decorators import fused_kernel, inner_kernel, njit
 from nsbench.dynamics.contacts.kernels.contact_arrays import PAIR, ROW, SMOOTH, Contacts
+from nsbench.linalg.skyline_cholesky import EnvelopePlan, arrange
 
 
 class Constraints(NamedTuple):
@@ -22,46 +23,99 @@ class Constraints(NamedTuple):
     lengths: np.ndarray
 
 
-@inner_kernel
-def _gap(scene, k, x, anchors, b, v):
-    """Return the gap of contact k at x (n,), divided by the length of its gradient; fill v with the
-    entries of that gradient, scaled to length one, or v (0,) with none."""
-    if scene.contacts.kind[k] != ROW:
-        return _distance(scene.contacts, k, x, anchors, v)
-    row = scene.contacts.p[k]
-    length = scene.lengths[row]
-    level = b[row]
-    first = scene.ptr[row]
-    for e in range(first, scene.ptr[row + 1]):
-        level += scene.vals[e] * x[scene.cols[e]]
-        if len(v) > 0:
-            v[e - first] = scene.vals[e] / length
-    return level / length
+class Rows(NamedTuple):
+    """Some contacts of a list.
+
+    at (m,): their places in it. C (m, w), count (m,): columns and number of the entries of their
+    gradients. is_straight: are all of them affine rows? plan: of the factorisation of their Gram
+    matrix (skyline_cholesky.arrange), empty for rows that `chosen` was not asked to plan it for.
+    """
+
+    at: np.ndarray
+    C: np.ndarray
+    count: np.ndarray
+    is_straight: bool
+    plan: EnvelopePlan
 
 
-@inner_kernel
-def _distance(contacts, k, x, ends, v):
-    """Return the gap of the distance k at x (n,), divided by the length of its gradient; fill v
-    with the entries of that gradient, scaled to length one, or v (0,) with none."""
+@fused_kernel
+def _distance(contacts, k, x, ends):
+    """Return the distance of a pair, or of a particle and its anchor, at x (n,)."""
     p = contacts.p[k]
     q = contacts.q[k]
-    dim = contacts.dim[k]
     is_pair = contacts.kind[k] == PAIR
     s = 0.0
-    for c in range(dim):
+    for c in range(contacts.dim[k]):
         diff = x[p + c] - (x[q + c] if is_pair else ends[q + c])
         s += diff * diff
-    distance = np.sqrt(s)
-    # the gradient of a distance of two particles has two unit vectors
-    length = np.sqrt(2.0) if is_pair else 1.0
-    if len(v) > 0:
-        scale = contacts.sign[k] / (distance * length) if distance > 0.0 else 0.0
-        for c in range(dim):
-            e = scale * (x[p + c] - (x[q + c] if is_pair else ends[q + c]))
-            v[c] = e
-            if is_pair:
-                v[dim + c] = -e
-    return contacts.sign[k] * (distance - contacts.d[k]) / length
+    return np.sqrt(s)
+
+
+@fused_kernel
+def _length(contacts, k):
+    """Return the length of the gradient of a distance: of two particles it has two unit vectors."""
+    return np.sqrt(2.0) if contacts.kind[k] == PAIR else 1.0
+
+
+@fused_kernel
+def _gap(scene, k, x, ends, b):
+    """Return the gap of contact k at x (n,), divided by the length of its gradient."""
+    contacts = scene.contacts
+    if contacts.kind[k] != ROW:
+        off = _distance(contacts, k, x, ends) - contacts.d[k]
+        return contacts.sign[k] * off / _length(contacts, k)
+    row = contacts.p[k]
+    level = b[row]
+    for e in range(scene.ptr[row], scene.ptr[row + 1]):
+        level += scene.vals[e] * x[scene.cols[e]]
+    return level / scene.lengths[row]
+
+
+@inner_kernel
+def _fill_gradient(scene, k, x, ends, v):
+    """Fill v (w,) with the entries of the gradient of contact k at x (n,), scaled to length one."""
+    contacts = scene.contacts
+    p = contacts.p[k]
+    q = contacts.q[k]
+    if contacts.kind[k] == ROW:
+        first = scene.ptr[p]
+        for e in range(first, scene.ptr[p + 1]):
+            v[e - first] = scene.vals[e] / scene.lengths[p]
+        return
+    is_pair = contacts.kind[k] == PAIR
+    distance = _distance(contacts, k, x, ends)
+    scale = contacts.sign[k] / (distance * _length(contacts, k)) if distance > 0.0 else 0.0
+    dim = contacts.dim[k]
+    for c in range(dim):
+        e = scale * (x[p + c] - (x[q + c] if is_pair else ends[q + c]))
+        v[c] = e
+        if is_pair:
+            v[dim + c] = -e
+
+
+@inner_kernel
+def fill_gaps(
+    scene: Constraints,
+    at: np.ndarray,
+    anchors: np.ndarray,
+    b: np.ndarray,
+    x: np.ndarray,
+    g: np.ndarray,
+    V: np.ndarray,
+) -> None:
+    """Fill g (m,) with the gaps of the contacts `at` (m,) and V (m, w) with their gradients, both
+    scaled to gradients of length 1.
+
+    anchors (a,), b (rows,): as in Layout; x (n,): state. V (0, 0) asks for no gradients. What
+    belongs to Smooth constraints is left as it is.
+    """
+    scene = borrowed(scene)
+    for a in range(len(at)):
+        k = at[a]
+        if scene.contacts.kind[k] != SMOOTH:
+            g[a] = _gap(scene, k, x, anchors, b)
+            if len(V) > 0:
+                _fill_gradient(scene, k, x, anchors, V[a])
 
 
 @njit(cache=True, error_model="numpy")
@@ -79,68 +133,38 @@ def gaps_and_gradients(
     (K, n): states. V (0, m, w) asks for no gradients. What belongs to Smooth constraints is left as
     it is.
     """
-    scene = borrowed(scene)
-    none = np.empty(0)
+    none = np.empty((0, 0))
+    every = np.arange(len(scene.contacts.kind))
     for s in range(len(X)):
         ends = anchors[s if len(anchors) > 1 else 0]
         levels = b[s if len(b) > 1 else 0]
-        for k in range(len(scene.contacts.kind)):
-            if scene.contacts.kind[k] != SMOOTH:
-                g[s, k] = _gap(scene, k, X[s], ends, levels, V[s, k] if len(V) > 0 else none)
+        fill_gaps(scene, every, ends, levels, X[s], g[s], V[s] if len(V) > 0 else none)
 
 
 @inner_kernel
-def _fill_state(powers, w, x):
-    """Fill x (n,) with the state that the cubic with the coefficients powers (4, n) has at w."""
-    # Horner's rule
-    x[:] = 0.0
-    for p in range(len(powers) - 1, -1, -1):
-        for c in range(len(x)):
-            x[c] = powers[p, c] + w * x[c]
+def every_row(columns: np.ndarray, count: np.ndarray) -> Rows:
+    """Return all rows of a list."""
+    return Rows(np.arange(len(count)), columns, count, False, arrange(columns, count, 0, 0))
 
 
-@njit(cache=True, error_model="numpy")
-def first_closing(
-    scene: Constraints,
-    anchors: np.ndarray,
-    b: np.ndarray,
-    powers: np.ndarray,
-    looks: np.ndarray,
-    closed: float,
-    bits: int,
-) -> float:
-    """Return where on a cubic the first gap falls below `closed`, of those that are negative at the
-    first of the ascending places looks (k,) at which one is; infinity where none ever is.
-
-    powers (4, n): coefficients of the cubic. Bisection to looks / 2^bits; at the place that is
-    returned one of these gaps is below `closed`. anchors (1, a), b (1, rows): of constraints that
-    rest; no contact is one of a Smooth constraint.
-    """
-    scene = borrowed(scene)
-    none = np.empty(0)
-    x = np.empty(powers.shape[1])
-    late = np.empty(len(scene.contacts.kind), np.int64)
-    for look in looks:
-        _fill_state(powers, look, x)
-        found = 0
-        for k in range(len(late)):
-            # a gap that is not a number closes at once
-            if not _gap(scene, k, x, anchors[0], b[0], none) >= 0.0:
-                late[found] = k
-                found += 1
-        if found == 0:
-            continue
-        low = 0.0
-        high = look
-        for _ in range(bits):
-            middle = 0.5 * (low + high)
-            _fill_state(powers, middle, x)
-            is_open = True
-            for a in range(found):
-                is_open &= _gap(scene, late[a], x, anchors[0], b[0], none) >= closed
-            if is_open:
-                low = middle
-            else:
-                high = middle
-        return high
-    return np.inf
+@inner_kernel
+def chosen(scene: Constraints, rows: Rows, is_chosen: np.ndarray, n: int) -> Rows:
+    """Return those of the rows for which is_chosen (m,) is true; n: coordinates if their Gram
+    matrix is to be factored, else 0."""
+    m = 0
+    for k in range(len(rows.at)):
+        m += is_chosen[k]
+    at = np.empty(m, np.int64)
+    C = np.empty((m, rows.C.shape[1]), np.int64)
+    count = np.empty(m, np.int64)
+    is_straight = True
+    a = 0
+    for k in range(len(rows.at)):
+        if is_chosen[k]:
+            at[a] = rows.at[k]
+            count[a] = rows.count[k]
+            for e in range(rows.C.shape[1]):
+                C[a, e] = rows.C[k, e]
+            is_straight &= scene.contacts.kind[at[a]] == ROW
+            a += 1
+    return Rows(at, C, count, is_straight, arrange(C, count, m if n > 0 else 0, n))

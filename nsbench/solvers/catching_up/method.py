@@ -159,10 +159,10 @@ def _projectors(scene):
 
 
 def _compiled(case, scene, g, x0, reach):
-    """Return the time loop bound to its data, and "compiled" or "host" (see compiled_loop)."""
+    """Return the time loop bound to its data, and "compiled" or "host" (compilation.case_functions)."""
     from nsbench.dynamics.contacts.kernels.contact_arrays import AffineRows
     from nsbench.solvers.catching_up.kernels import loop as kernel
-    from nsbench.solvers.common.compiled_loop import (
+    from nsbench.compilation.case_functions import (
         bind_loop,
         compile_functions,
         curve_function,

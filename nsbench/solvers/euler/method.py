@@ -119,7 +119,7 @@ class Euler:
             from nsbench.solvers.euler.hybrid_loop import HybridEuler
 
             return lambda: HybridEuler(case, g).run()
-        from nsbench.solvers.common.compiled_loop import bind_loop
+        from nsbench.compilation.case_functions import bind_loop
         from nsbench.solvers.euler.kernels import loop as kernel
 
         functions, d = _loop_functions(case)
@@ -195,7 +195,7 @@ def _blends(case: Case) -> bool:
 
 def _status(code, reached):
     """Return the status of a code of the time loop."""
-    from nsbench.solvers.common.compiled_loop import status_of
+    from nsbench.solvers.common.loop_status import status_of
     from nsbench.solvers.common.kernels.step_code import StepCode
 
     no_solution = Status(
@@ -208,7 +208,7 @@ def _status(code, reached):
 
 def _loop_functions(case):
     """Return field and switch functions for the time loop, and the number of surfaces."""
-    from nsbench.solvers.common.compiled_loop import (
+    from nsbench.compilation.case_functions import (
         compile_functions,
         drift_function,
         signed_field,

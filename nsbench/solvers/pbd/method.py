@@ -142,7 +142,7 @@ class PBD(StepOrTolerance):
         return lambda: build_trajectory(case, g, loop, march(), again)
 
     def _compiled(self, case, scene, g, x0):
-        """Return the time loop bound to its data, and "compiled" or "host" (see compiled_loop)."""
+        """Return the time loop bound to its data, and "compiled" or "host" (compilation.case_functions)."""
         if is_cell_scene(scene):
             return self._by_cells(case, scene, g, x0)
         return self._listed(case, scene, g, x0)
@@ -153,7 +153,7 @@ class PBD(StepOrTolerance):
         The work arrays of candidates are allocated once; those of the state at each run, as the
         trajectory takes their room.
         """
-        from nsbench.solvers.common.compiled_loop import (
+        from nsbench.compilation.case_functions import (
             bind_loop,
             compile_functions,
             module_in_python,
@@ -208,7 +208,7 @@ class PBD(StepOrTolerance):
 
     def _listed(self, case, scene, g, x0):
         """Bind the loop for any scene without Smooth constraints: neighbor_loop or listed_loop."""
-        from nsbench.solvers.common.compiled_loop import (
+        from nsbench.compilation.case_functions import (
             bind_loop,
             compile_functions,
             module_in_python,
@@ -244,7 +244,7 @@ class PBD(StepOrTolerance):
 
 def _drift_and_walls(case, scene):
     """Describe the drift and the constants b(t) of the rows as functions of a time loop."""
-    from nsbench.solvers.common.compiled_loop import curve_function, drift_function
+    from nsbench.compilation.case_functions import curve_function, drift_function
 
     return (
         drift_function(case.problem.drift, case.n),
@@ -254,7 +254,7 @@ def _drift_and_walls(case, scene):
 
 def _anchors(scene):
     """Describe the coordinates of the anchors as a function of a time loop."""
-    from nsbench.solvers.common.compiled_loop import curve_function
+    from nsbench.compilation.case_functions import curve_function
 
     size = scene.anchors(0.0).size if scene.anchor_factory else 0
     return curve_function(scene.anchor_factory, size, scene.anchors)
@@ -333,7 +333,7 @@ def build_trajectory(
 
 
 def _status(g, out, again):
-    from nsbench.solvers.common.compiled_loop import status_of
+    from nsbench.solvers.common.loop_status import status_of
     from nsbench.solvers.common.kernels.step_code import StepCode
 
     if out.code == StepCode.NAN:

@@ -97,7 +97,7 @@ class Theta:
 
     def prepare(self, case: Case, h: float) -> Run:
         """Bind the time loop to the case with the step h; return the run."""
-        from nsbench.solvers.common.compiled_loop import bind_loop, module_in_python
+        from nsbench.compilation.case_functions import bind_loop, module_in_python
         from nsbench.solvers.theta.kernels import loop as kernel
 
         g = grid(case.t, h, last=case.exact_impulse is not None, states=case.n)
@@ -180,7 +180,7 @@ def _of_gaps(case: Case) -> dict:
 
 def _loop_functions(case, data):
     """Return the drift and the curve q(t) of the case for the time loop."""
-    from nsbench.solvers.common.compiled_loop import (
+    from nsbench.compilation.case_functions import (
         compile_functions,
         curve_function,
         drift_function,
@@ -253,7 +253,7 @@ def _trajectory(case, g, loop, theta, B, judged, out):
 
 def _status(code, reached, twice, judged):
     """Return the status of a run: by its code, else by the uniqueness of its steps."""
-    from nsbench.solvers.common.compiled_loop import status_of
+    from nsbench.solvers.common.loop_status import status_of
     from nsbench.solvers.common.kernels.step_code import StepCode
 
     at = f"t = {time_text(reached, 6)}"

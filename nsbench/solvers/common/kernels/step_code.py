@@ -13,7 +13,7 @@ LARGEST_STATE = 1e150  # |x_i| beyond which squares may overflow
 
 
 class StepCode(enum.IntEnum):
-    """How a time loop ended; solvers.common.compiled_loop.status_of says it in a sentence."""
+    """How a time loop ended; solvers.common.loop_status.status_of says it in a sentence."""
 
     OK = 0
     NAN = 1  # a state, or what it is computed from, is not a number

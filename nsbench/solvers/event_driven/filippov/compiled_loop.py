@@ -15,7 +15,7 @@ import numpy as np
 
 from nsbench.case.scale import size_text, time_text
 from nsbench.dynamics.filippov.vector_field import EPS
-from nsbench.solvers.common.compiled_loop import entry_point
+from nsbench.compilation.case_functions import entry_point
 from nsbench.solvers.event_driven.filippov.kernels import loop_state as codes
 from nsbench.solvers.event_driven.filippov.kernels.loop_state import Settings
 from nsbench.solvers.event_driven.filippov.program import (

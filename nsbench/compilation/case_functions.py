@@ -1,7 +1,7 @@
-"""Bind a time loop with fixed steps to its data: compile it, or run the same source in Python.
+"""Bind a loop to the functions of a case: compile it, or run the same source in Python.
 
-A time loop is a numba kernel whose first arguments are functions of the case: the drift
-(t, x, out), the field (t, x, s, out), curves (t, out). Where numba compiles all of them, they are
+A loop is a numba kernel whose first arguments are functions of the case: the drift (t, x, out), the
+field (t, x, s, out), curves (t, out). Where numba compiles all of them, they are
 first-class function pointers, and the kernel, compiled once for every case, calls them. Where it
 cannot compile one, the same source runs in Python around functions that fill `out` from numpy. Both
 give the same bits; stats["loop"] says which it was ("compiled" or "host").
@@ -9,16 +9,13 @@ give the same bits; stats["loop"] says which it was ("compiled" or "host").
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from types import FunctionType
 
 import numpy as np
 
-from nsbench.case.scale import time_text
 from nsbench.compilation import factories
-from nsbench.solvers.common.kernels.step_code import StepCode
-from nsbench.trajectory import Status
 
 
 @dataclass(frozen=True)
@@ -102,23 +99,34 @@ def loop_in_python(kernel: Callable) -> Callable:
 
 def module_in_python(kernel: Callable) -> Callable:
     """Return the loop and the kernels of its own file in Python; those imported stay compiled."""
-    file = kernel.py_func.__module__
-    return _in_python(kernel, lambda value: value.py_func.__module__ == file)
+    return files_in_python(kernel, kernel.py_func.__module__)
+
+
+def files_in_python(kernel: Callable, *files: str) -> Callable:
+    """Return the loop and the kernels of these files, named as modules, in Python."""
+    return _in_python(kernel, lambda value: value.py_func.__module__ in files)
 
 
 def _in_python(kernel, is_interpreted):
     """Return a kernel in Python, with those that it calls and that are to be interpreted."""
     from nsbench.compilation.decorators import python_entry
 
-    names = dict(kernel.py_func.__globals__)
-    interpreted = lambda f: FunctionType(
-        f.__code__, names, f.__name__, f.__defaults__, f.__closure__
-    )
-    for name, value in list(names.items()):
-        if hasattr(value, "py_func"):
-            inside = is_interpreted(value)
-            names[name] = interpreted(value.py_func) if inside else python_entry(value)
-    return interpreted(kernel.py_func)
+    made: dict = {}
+
+    def interpreted(function):
+        if function not in made:
+            source = function.py_func
+            names = dict(source.__globals__)
+            made[function] = FunctionType(
+                source.__code__, names, source.__name__, source.__defaults__, source.__closure__
+            )
+            for name in source.__code__.co_names:
+                if hasattr(value := names.get(name), "py_func"):
+                    inside = is_interpreted(value)
+                    names[name] = interpreted(value) if inside else python_entry(value)
+        return made[function]
+
+    return interpreted(kernel)
 
 
 def entry_point(kernel: Callable, args: tuple) -> Callable:
@@ -142,22 +150,3 @@ def bind_loop(
     Python as well: those that call the functions of the case.
     """
     return entry_point(kernel, args) if loop == "compiled" else interpret(kernel)
-
-
-def status_of(code: int, reached: float, own: Mapping[StepCode, Status] | None = None) -> Status:
-    """Return the status of a run whose time loop returned `code` at the time `reached`.
-
-    own: the statuses of a method for codes whose sentence is its own; they come first.
-    """
-    if own and code in own:
-        return own[code]
-    if code == StepCode.NAN:
-        return Status("nan", f"The drift is not a number at t = {time_text(reached, 6)}.")
-    if code == StepCode.BLOWN:
-        return Status(
-            "diverged",
-            f"The state passed 1e150 at t = {time_text(reached, 6)}; a smaller step may help.",
-        )
-    if code != StepCode.OK:
-        raise ValueError(f"a time loop ended with {code!r}, which has no sentence here")
-    return Status()

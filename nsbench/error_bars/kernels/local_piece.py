@@ -1,0 +1,390 @@
+"""One smooth piece of a local solution: a step of the constrained motion, cut where contacts change.
+
+From a feasible state the motion goes on with the velocity that is the drift's projection on the
+cone of velocities which violate nothing (Moreau): one step of the classical Runge-Kutta method,
+which a cubic Hermite polynomial joins. The piece ends where the first open gap closes on it, or the
+first multiplier vanishes; both times are found by bisection.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from nsbench.compilation.borrowed_arrays import borrowed
+from nsbench.compilation.decorators import inner_kernel, njit
+from nsbench.dynamics.contacts.kernels.contact_arrays import ANCHOR, PAIR
+from nsbench.error_bars.kernels.case_rows import (
+    Calls,
+    Listed,
+    drift_at,
+    gaps_at,
+    step_onto_face,
+    projected_at,
+    rates_at,
+    rows_at,
+    velocity_at,
+)
+from nsbench.error_bars.kernels.cone_projection import least_multiplier, tangential_rest
+from nsbench.error_bars.kernels.cubic import (
+    BEYOND_SIMPSON,
+    BOOLE,
+    HIDDEN,
+    HIDDEN_WEIGHTS,
+    QUARTERS,
+    distance,
+    fill_controls,
+    fill_moved,
+    fill_powers,
+    fill_runge_kutta,
+    fill_scaled,
+    fill_slope,
+    fill_state,
+    fill_weighted,
+    norm,
+    turned,
+    upper_mean,
+)
+from nsbench.error_bars.kernels.unit_gradients import Rows, chosen, every_row
+from nsbench.linalg.max_norm import largest
+
+CLOSED = 1e-12  # of own length: a gap that is zero up to rounding
+OUTSIDE = 1e3 * CLOSED  # a state that violates no constraint by more counts as one of S
+SETTLED = 1e-8  # of the state: a Gauss-Newton step after which the next one is rounding
+NEWTON = 6  # Gauss-Newton steps onto a curved face
+REPAIRS = 20  # of a start at which contacts are closed up to CLOSED alone
+LONG = 8.0  # times the reach: a list that holds far more than what is asked for is made anew
+STIFF = 1.0  # rate of the drift times the length of a piece that is resolved
+STIFFEST = 50.0  # and of one that is not divided for it
+CLOSING = 45  # bits of a piece to which the time is known at which a gap closes
+RELEASE = 20  # and at which a multiplier vanishes, which needs less: the motion has no kink there
+LOOKS = 16  # places of a piece where a gap may be found closed
+
+
+class Piece(NamedTuple):
+    """A piece over a length; asked: the reach of the list that is needed, if it is not the given
+    one, else 0.
+
+    is_cut: does it end before the length that was asked for? states (4, n): Bezier control points;
+    end (n,): its last state. acting (m,), closed: places in the list of contacts that push, and of
+    all that are closed; loads (5, m): multipliers of the former at the quarters. slack: bound of the
+    integral of its residual. along (n,): integral of the drift, doubt: of that.
+    """
+
+    asked: float
+    length: float
+    is_cut: bool
+    states: np.ndarray
+    end: np.ndarray
+    acting: np.ndarray
+    closed: np.ndarray
+    loads: np.ndarray
+    slack: float
+    along: np.ndarray
+    doubt: float
+
+
+@inner_kernel
+def _closed_at_start(calls, smooth, listed, t, y, gaps):
+    """Return the contacts that are closed at y (n,), and fill gaps (m,) with those of all.
+
+    What is closed up to CLOSED on flat faces is closed up to rounding: y moves there.
+    """
+    every = every_row(listed.columns, listed.count)
+    closed = every
+    for _ in range(REPAIRS):
+        gaps_at(calls, smooth, listed, every, t, y, gaps)
+        closed = chosen(listed.scene, every, gaps <= CLOSED, len(y))
+        if len(closed.at) == 0 or not closed.is_straight:
+            break
+        if step_onto_face(calls, smooth, listed, closed, t, y, True) <= CLOSED / 8.0:
+            break
+    return closed
+
+
+@inner_kernel
+def _take_step(calls, smooth, listed, closed, pushes, t, h, y, v, powers):
+    """Take a step h of the classical Runge-Kutta method from y (n,) with the velocity v (n,).
+
+    Fills powers (4, n) with the coefficients of a cubic Hermite polynomial through it. Returns how
+    fast the drift draws neighbouring states together, as two stages of the step show it (Hairer &
+    Wanner, Solving ODEs II, 1996, IV.2).
+    """
+    work = np.empty((5, len(y)))
+    b = work[0]
+    c = work[1]
+    d = work[2]
+    x = work[3]
+    last_v = work[4]
+    q = np.empty(len(closed.at))
+    middle = t + 0.5 * h
+    fill_moved(y, 0.5 * h, v, x)
+    velocity_at(calls, smooth, listed, closed, pushes, middle, x, b, q)
+    fill_moved(y, 0.5 * h, b, x)
+    velocity_at(calls, smooth, listed, closed, pushes, middle, x, c, q)
+    fill_moved(y, h, c, x)
+    velocity_at(calls, smooth, listed, closed, pushes, t + h, x, d, q)
+    fill_runge_kutta(y, h, v, b, c, d, x)
+    velocity_at(calls, smooth, listed, closed, pushes, t + h, x, last_v, q)
+    fill_powers(y, h, v, x, last_v, powers)
+    apart = 0.5 * h * distance(b, v)
+    return distance(c, b) / apart if apart > 0.0 else 0.0
+
+
+@inner_kernel
+def _least_load(calls, smooth, listed, acting, powers, w, t):
+    """Return the least multiplier of the acting contacts at the part w of the step, the time t."""
+    x = np.empty(powers.shape[1])
+    f = np.empty(len(x))
+    V = np.empty(acting.C.shape)
+    rates = np.empty(len(acting.at))
+    fill_state(powers, w, x)
+    drift_at(calls, t, x, f)
+    rows_at(calls, smooth, listed, acting, t, x, rates, V)
+    rates_at(calls, smooth, listed, acting, t, x, rates)
+    return least_multiplier(acting.plan, acting.C, V, acting.count, rates, f)
+
+
+@inner_kernel
+def _release(calls, smooth, listed, acting, powers, t, h):
+    """Return the part of the step at which the first acting multiplier vanishes, 1 if none does."""
+    if len(acting.at) == 0:
+        return 1.0
+    if not _least_load(calls, smooth, listed, acting, powers, 0.0, t) >= 0.0:
+        return 1.0
+    if not _least_load(calls, smooth, listed, acting, powers, 1.0, t + h) < 0.0:
+        return 1.0
+    low = 0.0
+    high = 1.0
+    for _ in range(RELEASE):
+        w = 0.5 * (low + high)
+        if _least_load(calls, smooth, listed, acting, powers, w, t + w * h) < 0.0:
+            high = w
+        else:
+            low = w
+    return high
+
+
+@inner_kernel
+def _open_contacts(listed, gaps, powers):
+    """Return the open contacts that may close along the cubic powers (4, n).
+
+    A distance changes by at most twice the way of a particle: in a large scene that is far less
+    than the way of the whole state, by which candidates were listed.
+    """
+    contacts = listed.scene.contacts
+    is_open = gaps > CLOSED
+    if not (listed.is_flat or listed.is_moving):
+        way = np.zeros(powers.shape[1])
+        x = np.empty(len(way))
+        for look in range(1, LOOKS + 1):
+            fill_state(powers, look / LOOKS, x)
+            for c in range(len(x)):
+                way[c] = max(way[c], abs(x[c] - powers[0, c]))
+        # more than that: between the places that were looked at the curve may go further
+        far = 4.0 * norm(way) + CLOSED
+        near = 4.0 * np.sqrt(3.0) * largest(way) + CLOSED
+        for k in range(len(gaps)):
+            is_distance = contacts.kind[k] == PAIR or contacts.kind[k] == ANCHOR
+            is_open[k] &= gaps[k] <= (near if is_distance else far)
+    every = every_row(listed.columns, listed.count)
+    return chosen(listed.scene, every, is_open, 0)
+
+
+@inner_kernel
+def _closing(calls, smooth, listed, rows, powers, t, h):
+    """Return the part of the step at which the first of the open rows closes, by bisection;
+    infinity where none is negative at the LOOKS."""
+    x = np.empty(powers.shape[1])
+    g = np.empty(len(rows.at))
+    for look in range(1, LOOKS + 1 if len(g) > 0 else 0):
+        high = look / LOOKS
+        fill_state(powers, high, x)
+        gaps_at(calls, smooth, listed, rows, t + high * h, x, g)
+        # a gap that is not a number closes at once
+        late = chosen(listed.scene, rows, ~(g >= 0.0), 0)
+        if len(late.at) == 0:
+            continue
+        g = np.empty(len(late.at))
+        low = 0.0
+        for _ in range(CLOSING):
+            w = 0.5 * (low + high)
+            fill_state(powers, w, x)
+            gaps_at(calls, smooth, listed, late, t + w * h, x, g)
+            if np.all(g >= 0.5 * CLOSED):
+                low = w
+            else:
+                high = w
+        return high
+    return np.inf
+
+
+@inner_kernel
+def _violation(calls, smooth, listed, resting, powers, share, t, h):
+    """Return the part of the step, at most `share`, up to which no resting row is violated."""
+    x = np.empty(powers.shape[1])
+    g = np.empty(len(resting.at))
+    for look in range(1, LOOKS + 1 if len(g) > 0 else 0):
+        w = share * look / LOOKS
+        fill_state(powers, w, x)
+        gaps_at(calls, smooth, listed, resting, t + w * h, x, g)
+        if g.min() < -OUTSIDE:
+            return share * (look - 1.0 if look > 1 else 0.5) / LOOKS
+    return share
+
+
+@inner_kernel
+def _move_onto_faces(calls, smooth, listed, acting, t, H, X):
+    """Move the states X (5, n) at the quarters to where the acting contacts are closed.
+
+    Returns by how much the curve is longer for it where no part of the residual knows of it: on
+    flat faces.
+    """
+    before = X.copy()
+    for e in range(len(X)):
+        at = t + QUARTERS[e] * H
+        for _ in range(1 if acting.is_straight else NEWTON):
+            step = step_onto_face(calls, smooth, listed, acting, at, X[e], acting.is_straight)
+            if step <= SETTLED * largest(X[e]):
+                break
+    return turned(X - before) if acting.is_straight else 0.0
+
+
+@inner_kernel
+def _hidden_size(calls, t, H, powers, share, F):
+    """Return the largest |f - p| at HIDDEN places, for the drift f and the polynomial p through its
+    values F (5, n) at the quarters of the piece."""
+    x = np.empty(powers.shape[1])
+    f = np.empty(len(x))
+    expected = np.empty(len(x))
+    most = 0.0
+    for a in range(len(HIDDEN)):
+        fill_state(powers, share * HIDDEN[a], x)
+        drift_at(calls, t + H * HIDDEN[a], x, f)
+        fill_weighted(HIDDEN_WEIGHTS[a], F, expected)
+        most = max(most, distance(f, expected))
+    return most
+
+
+@inner_kernel
+def _residual_sizes(calls, smooth, listed, acting, t, H, X, dX, F, loads):
+    """Fill F (5, n) with the drift at the quarters, loads (5, m) with the multipliers of the acting
+    contacts, and return (5,) the sizes of what dX - F lacks beside these."""
+    rest = np.empty(X.shape[1])
+    V = np.empty(acting.C.shape)
+    rates = np.empty(len(acting.at))
+    sizes = np.empty(len(X))
+    for e in range(len(X)):
+        at = t + QUARTERS[e] * H
+        drift_at(calls, at, X[e], F[e])
+        fill_moved(dX[e], -1.0, F[e], rest)
+        if len(acting.at) > 0:
+            rows_at(calls, smooth, listed, acting, at, X[e], rates, V)
+            rates_at(calls, smooth, listed, acting, at, X[e], rates)
+            tangential_rest(
+                acting.plan, acting.C, V, acting.count, rates, dX[e], rest, loads[e]
+            )
+        sizes[e] = norm(rest)
+    return sizes
+
+
+@inner_kernel
+def _measured(calls, smooth, listed, closed, pushes, t, h, share, powers, jump, is_cut):
+    """Return the piece over the part `share` of the step h, whose start was moved by `jump`."""
+    n = powers.shape[1]
+    H = share * h
+    X = np.empty((len(QUARTERS), n))
+    dX = np.empty(X.shape)
+    F = np.empty(X.shape)
+    for e in range(len(X)):
+        fill_state(powers, share * QUARTERS[e], X[e])
+        fill_slope(powers, share * QUARTERS[e], h, dX[e])
+    q = np.zeros(len(closed.at))
+    work = np.empty((3, n))
+    velocity_at(calls, smooth, listed, closed, pushes, t + 0.5 * H, X[2], work[0], q)
+    acting = chosen(listed.scene, closed, q > 0.0, n)
+    fill_scaled(dX[0], H, work[0])
+    fill_scaled(dX[4], H, work[1])
+    first = X[0].copy()
+    last = X[4].copy()
+    if len(acting.at) > 0:
+        jump += _move_onto_faces(calls, smooth, listed, acting, t, H, X)
+    states = np.empty((4, n))
+    fill_controls(first, last, work[0], work[1], X[2], states)
+    loads = np.empty((len(X), len(acting.at)))
+    sizes = _residual_sizes(calls, smooth, listed, acting, t, H, X, dX, F, loads)
+    unseen = H * _hidden_size(calls, t, H, powers, share, F)
+    slack = jump + unseen + H * upper_mean(sizes)
+    fill_weighted(BEYOND_SIMPSON, F, work[2])
+    doubt = H * norm(work[2]) + unseen
+    fill_weighted(BOOLE, F, work[2])
+    fill_scaled(work[2], H, work[2])
+    return Piece(
+        0.0, H, is_cut, states, X[4].copy(), acting.at, closed.at, loads, slack, work[2], doubt
+    )
+
+
+@inner_kernel
+def _not_listed(reach, n):
+    """Return that a list of this reach is needed."""
+    states = np.empty((4, n))
+    none = np.empty(0, np.int64)
+    return Piece(
+        reach, 0.0, False, states, states[0], none, none, np.empty((5, 0)), 0.0, states[1], 0.0
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def follow_piece(
+    drift: Callable,
+    walls: Callable,
+    ends: Callable,
+    smooth: Callable | None,
+    units: tuple[float, float, float],
+    listed: Listed,
+    t: float,
+    dt: float,
+    start: np.ndarray,
+) -> Piece:
+    """Follow the constrained motion from the state start (n,) at the time t, over at most dt.
+
+    units: origin, time and length, of Calls; the others as there and in rows_at.
+    """
+    listed = borrowed(listed)
+    calls = Calls(drift, walls, ends, units[0], units[1], units[2])
+    y = start.copy()
+    v = np.empty(len(y))
+    f = np.empty(len(y))
+    drift_at(calls, t, y, f)
+    reach = 4.0 * dt * norm(f) + CLOSED
+    # the gap of a pair changes by at most sqrt(2) times what the state moves
+    if not listed.is_flat:
+        needed = reach + 2.0 * distance(y, listed.centre)
+        if not needed <= listed.reach <= LONG * reach:
+            return _not_listed(reach, len(y))
+    gaps = np.empty(len(listed.count))
+    closed = _closed_at_start(calls, smooth, listed, t, y, gaps)
+    q = np.zeros(len(closed.at))
+    pushes = np.zeros(len(q), np.bool_)
+    projected_at(calls, smooth, listed, closed, pushes, t, y, f, v, q)
+    powers = np.empty((4, len(y)))
+    h = dt
+    rate = _take_step(calls, smooth, listed, closed, pushes, t, h, y, v, powers)
+    if STIFF < h * rate <= STIFFEST:
+        # a stable step, unless that would take too many
+        h = STIFF / rate
+        _take_step(calls, smooth, listed, closed, pushes, t, h, y, v, powers)
+    acting = chosen(listed.scene, closed, q > 0.0, len(y))
+    share = _release(calls, smooth, listed, acting, powers, t, h)
+    if share < 1.0:
+        h *= share
+        _take_step(calls, smooth, listed, closed, pushes, t, h, y, v, powers)
+    is_open = _open_contacts(listed, gaps, powers)
+    share = min(1.0, _closing(calls, smooth, listed, is_open, powers, t, h))
+    if listed.is_flat:
+        # a contact that is closed at the start and does not act opens, and may close again
+        resting = chosen(listed.scene, closed, ~(q > 0.0), 0)
+        share = _violation(calls, smooth, listed, resting, powers, share, t, h)
+    jump = distance(y, start)
+    is_cut = share * h < dt
+    return _measured(calls, smooth, listed, closed, pushes, t, h, share, powers, jump, is_cut)

@@ -1,0 +1,85 @@
+"""Pieces of local solutions: the kernel that follows one, bound to a scene, and its neighbour list."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from nsbench.compilation.case_functions import (
+    bind_loop,
+    compile_functions,
+    curve_function,
+    files_in_python,
+)
+from nsbench.dynamics.contacts.constraint_set import ConstraintSet
+from nsbench.error_bars.contact_rows import ContactRows
+from nsbench.error_bars.drift import Drift
+from nsbench.error_bars.kernels import case_rows, local_piece
+from nsbench.error_bars.unit_gradients import for_kernel
+from nsbench.problem import Smooth
+
+if TYPE_CHECKING:
+    from nsbench.error_bars.kernels.local_piece import Piece
+
+SKIN = 2.0  # times the reach: as far as pairs are listed
+
+
+class Pieces:
+    """Follow the constrained motion of a scene piece by piece (kernels.local_piece).
+
+    The kernel is compiled; where numba cannot compile a function of the case, or a constraint is a
+    Smooth one, its source runs in Python. Pairs are listed with a skin (Verlet, Phys. Rev. 159,
+    1967), and anew when the state has moved so far that others may be as near. every: the rows of
+    all constraints, where there are few and all are flat; else None.
+    """
+
+    def __init__(self, scene: ConstraintSet, drift: Drift, every: ContactRows | None):
+        self.scene = scene
+        self.drift = drift
+        self._has_smooth = any(isinstance(c, Smooth) for c in scene.families)
+        self._functions, self._loop = self._case_functions()
+        self._kernel: Callable | None = None
+        self._rows = every or self._near(np.zeros(scene.n), 0.0)
+        self._listed = self._rows.listed(np.zeros(scene.n), 0.0, every is not None)
+
+    def _case_functions(self) -> tuple[tuple, str]:
+        """Return drift, walls and anchors for the kernel, and "compiled" or "host"."""
+        scene = self.scene
+        functions = (
+            self.drift.function,
+            curve_function(scene.b_factory, len(scene.inv2), scene.b),
+            curve_function(scene.anchor_factory, scene.anchors(0.0).size, scene.anchors),
+        )
+        if self._has_smooth:
+            return tuple(f.in_python() for f in functions), "host"
+        found = compile_functions(*functions)
+        return found.functions, found.loop
+
+    def _near(self, y: np.ndarray, reach: float) -> ContactRows:
+        near = self.scene.near(y, reach)
+        return ContactRows(self.scene, near.ids, near)
+
+    def follow(self, t: float, dt: float, y: np.ndarray) -> tuple[ContactRows, Piece]:
+        """Return the piece from the state y (n,) of S at the time t, over at most dt, and the rows
+        among which its contacts are counted. Raises ArithmeticError for a drift that is no number.
+        """
+        y = for_kernel(y)
+        piece = self._call(t, dt, y)
+        if piece.asked:
+            reach = SKIN * piece.asked
+            self._rows = self._near(y, reach)
+            self._listed = self._rows.listed(y, reach, False)
+            piece = self._call(t, dt, y)
+        if piece.asked or not np.isfinite(piece.length):
+            raise ArithmeticError(f"the drift at t = {t:g} in own units is not finite")
+        return self._rows, piece
+
+    def _call(self, t: float, dt: float, y: np.ndarray) -> Piece:
+        smooth = self._rows.fill_smooth if self._has_smooth else None
+        args = (*self._functions, smooth, self.drift.units, self._listed, t, dt, y)
+        if self._kernel is None:
+            in_python = lambda k: files_in_python(k, case_rows.__name__, local_piece.__name__)
+            self._kernel = bind_loop(local_piece.follow_piece, self._loop, args, in_python)
+        return self._kernel(*args)
