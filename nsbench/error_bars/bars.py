@@ -34,8 +34,9 @@ from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 from nsbench.error_bars.contact_rows import ContactRows, size
 from nsbench.error_bars.drift import Drift
 from nsbench.error_bars.entry import LINEARISED
-from nsbench.error_bars.growth import Linear, drifted, grown, linear_drift, pushed, tangential
+from nsbench.error_bars.growth import Linear, linear_drift
 from nsbench.error_bars.local_solution import MOST_PIECES, local_solution
+from nsbench.error_bars.scene_kernels import SceneKernels
 from nsbench.error_bars.shadow import Shadow, Stretch, bezier_middle
 from nsbench.error_bars.split_bound import SplitBound
 
@@ -87,17 +88,12 @@ class Leg:
     face: ContactRows
     end: np.ndarray
 
-    def carried(self, drift: Drift, delta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def carried(self, kernels: SceneKernels, delta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the error delta (n,) at the end, and the integral (n,) of J delta."""
         if not (self.H > 0.0 and size(delta) > 0.0):  # squares of a tiny one underflow
             return delta, np.zeros_like(delta)
-        at = self.t + 0.5 * self.H
-        rate = pushed(drift, self.rows, at, self.x, self.q, delta)
-        new = tangential(self.face, self.t + self.H, self.end, grown(self.H, rate, delta))
-        middle = 0.5 * (delta + new)
-        if not size(middle) > 0.0:
-            return new, middle
-        return new, self.H * drifted(drift, at, self.x, middle)
+        states = np.array([self.x, self.end])
+        return kernels.carry_error(self.rows, self.face, self.t, self.H, states, self.q, delta)
 
 
 class Path:
@@ -218,7 +214,7 @@ class Path:
 
     def estimate(self) -> Growth:
         """Return the parts of the estimate: constraints of any kind, errors linearised."""
-        drift = self.shadow.drift
+        kernels = self.shadow.kernels
         delta = np.zeros_like(self.Y)  # Y - x
         delta[0] = self.Y[0] - self.nodes.x[0]
         pulled = np.zeros_like(self.Y)  # integral of J (Y - x)
@@ -227,7 +223,7 @@ class Path:
             new = delta[j]
             pulled[j + 1] = pulled[j]
             for leg in self._legs(j) if np.any(new) else ():
-                new, more = leg.carried(drift, new)
+                new, more = leg.carried(kernels, new)
                 pulled[j + 1] += more
             delta[j + 1] = new + self.push[j]
         offset = self.nodes.x - self.Y

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from nsbench.error_bars.kernels.unit_gradients import Constraints
 
 NO_GRADIENTS = np.empty((0, 0, 0))
+# attributes that are computed once, and belong to the contacts
+KNOWN = ("is_straight", "has_smooth", "as_list", "_in_kernels", "_columns", "_constant")
 
 
 class ContactRows:
@@ -55,7 +57,7 @@ class ContactRows:
         some = copy.copy(self)
         some.ids = tuple([self.ids[k] for k in index])
         some.near = self.near.take(index)
-        for name in ("is_straight", "has_smooth", "_in_kernels", "_columns", "_constant"):
+        for name in KNOWN:
             some.__dict__.pop(name, None)
         return some
 
@@ -165,6 +167,11 @@ class ContactRows:
         columns, count = self._columns
         of_list = centre, float(reach), bool(is_flat), bool(self.is_moving)
         return Listed(self._in_kernels, columns, count, anchors, levels, *of_list)
+
+    @cached_property
+    def as_list(self) -> Listed:
+        """The contacts as a list for kernels."""
+        return self.listed(np.zeros(self.scene.n), 0.0, True)
 
     def rates(self, t: np.ndarray, X: np.ndarray) -> np.ndarray:
         """Return (K, m) the partial derivatives of the gaps in time, by central differences."""

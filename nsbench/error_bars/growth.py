@@ -1,4 +1,4 @@
-"""How errors grow along a constrained motion: one-sided Lipschitz constant, and linearisation."""
+"""How errors grow along a motion: derivative of the drift and one-sided Lipschitz constant."""
 
 from __future__ import annotations
 
@@ -6,10 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nsbench.error_bars.contact_rows import ContactRows, size
 from nsbench.error_bars.drift import Drift
+from nsbench.error_bars.kernels.error_flow import NUDGE
 
-NUDGE = 2.0**-20  # of own length, for differences of drifts and normals
 LOOKS = 5  # states of a run at which the derivative of the drift is taken
 
 
@@ -55,44 +54,3 @@ def linear_drift(drift: Drift, t: np.ndarray, X: np.ndarray) -> Linear:
     one_sided = max(float(np.linalg.eigvalsh(A)[-1]) for A in symmetric)
     two_sided = max(float(np.linalg.norm(A, 2)) for A in J)
     return Linear(middle, change, one_sided + change, two_sided + change)
-
-
-def tangential(rows: ContactRows, t: float, x: np.ndarray, delta: np.ndarray) -> np.ndarray:
-    """Return the part of delta (n,) along which no contact `rows` opens or closes."""
-    if not rows.m:
-        return delta
-    N = rows.gradients(np.array([t]), x[None])
-    return delta - N.normal_part(N.times(delta[None]))[0]
-
-
-def drifted(drift: Drift, t: float, x: np.ndarray, delta: np.ndarray) -> np.ndarray:
-    """Return J delta (n,), the rate at which the drift parts two motions that are delta apart."""
-    length = size(delta)
-    step = NUDGE / length * delta
-    up, down = drift.at(np.array([t, t]), np.array([x + step, x - step]))
-    return (up - down) * (0.5 * length / NUDGE)
-
-
-def pushed(drift: Drift, rows: ContactRows, t: float, x: np.ndarray, q: np.ndarray, delta):
-    """Return (n,) the rate of a small error delta of a motion on the face of the contacts `rows`.
-
-    It is J delta + (d/dx N^T q) delta with the multipliers q (m,) of unit gradients, but for what
-    the contacts take off it along their normals: the curvature of contacts under load drives
-    neighbouring motions apart.
-    """
-    rate = drifted(drift, t, x, delta)
-    if rows.m and not rows.is_straight:
-        length = size(delta)
-        step = NUDGE / length * delta
-        N = rows.gradients(np.array([t, t]), np.array([x + step, x - step]))
-        up, down = N.back(np.array([q, q]))
-        rate = rate + (up - down) * (0.5 * length / NUDGE)
-    return rate
-
-
-def grown(H: float, rate: np.ndarray, delta: np.ndarray) -> np.ndarray:
-    """Return the error delta (n,) after a time H at this rate; where that would be too long a step
-    for Euler's rule, by the exponential of the rate along delta."""
-    if size(rate) * H <= size(delta):
-        return delta + H * rate
-    return delta * np.exp(H * float(delta @ rate) / float(delta @ delta))

@@ -63,7 +63,7 @@ def _in_pieces(
     at = 0
     found: list[Stretch] = []
     for _ in range(most):
-        rows, piece = shadow.pieces.follow(now, float(ends[at]) - now, y)
+        rows, piece = shadow.kernels.follow_piece(now, float(ends[at]) - now, y)
         closed = frozenset([rows.ids[k] for k in piece.closed.tolist()])
         found.append(
             Stretch(

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from nsbench.dynamics.contacts.constraint_set import ConstraintSet
-from nsbench.error_bars.contact_rows import ContactRows, size
+from nsbench.error_bars.contact_rows import ContactRows
 from nsbench.error_bars.drift import Drift
 from nsbench.error_bars.kernels.cone_projection import PULL
 from nsbench.error_bars.kernels.cubic import (
@@ -25,7 +25,7 @@ from nsbench.error_bars.kernels.cubic import (
     QUARTERS,
 )
 from nsbench.error_bars.kernels.local_piece import CLOSED, NEWTON, OUTSIDE, REPAIRS
-from nsbench.error_bars.pieces import Pieces
+from nsbench.error_bars.scene_kernels import SceneKernels
 
 MOST_ROWS = 2_000  # constraints that are all looked at
 PEAK = 1.25  # times the largest residual at QUARTERS: one between them is less
@@ -66,9 +66,9 @@ class Shadow:
         return self._all
 
     @cached_property
-    def pieces(self) -> Pieces:
-        """Return what follows the pieces of local solutions."""
-        return Pieces(self.scene, self.drift, self.all_rows() if self.is_flat else None)
+    def kernels(self) -> SceneKernels:
+        """Return the kernels that call the functions of the case."""
+        return SceneKernels(self.scene, self.drift, self.all_rows() if self.is_flat else None)
 
     def fields(self, t: np.ndarray, X: np.ndarray) -> np.ndarray:
         """Return (K, n) the drift at K states."""
@@ -193,7 +193,7 @@ class Stretch:
 class Arcs:
     """Residuals (5, K, n) and drifts (5, K, n) at QUARTERS of K arcs; `inside` (K,): is it in S?
 
-    q (5, K, m): multipliers of unit gradients at QUARTERS; controls (4, K, n): Bezier control points;
+    q (5, K, m): multipliers of unit gradients there; controls (4, K, n): Bezier control points;
     unseen (K,): integrals of what the drift is beside the polynomial through QUARTERS, as far as
     HIDDEN places show it.
     """
@@ -245,16 +245,6 @@ def hermite(w, H, Y0, Y1, V0, V1):
 def boole(values: np.ndarray) -> np.ndarray:
     """Return the mean over an interval of a function, from its values at the quarters (5, ...)."""
     return (BOOLE @ values.reshape(5, -1)).reshape(values.shape[1:])
-
-
-def doubt(values: np.ndarray) -> float:
-    """Return how far Boole's rule is from Simpson's, for values (5, n) or (0, n) of a mean."""
-    return size(BEYOND_SIMPSON @ values) if len(values) else 0.0
-
-
-def upper_mean(sizes: np.ndarray) -> float:
-    """Return an upper estimate of the mean of a size from its values (5,) at the quarters."""
-    return float(BOOLE @ sizes) + abs(float(BEYOND_SIMPSON @ sizes))
 
 
 def bezier(Y0, Y1, D0, D1) -> np.ndarray:

@@ -29,15 +29,17 @@ import numpy as np
 from nsbench.error_bars.contact_rows import ContactRows, size
 from nsbench.error_bars.growth import Linear
 from nsbench.error_bars.kernels.local_piece import OUTSIDE
-from nsbench.error_bars.linear_flow import Flow, residual_size
+from nsbench.error_bars.kernels.split_step import FlowArrays, SplitArrays, carry_split
 from nsbench.error_bars.local_solution import local_solution
 from nsbench.error_bars.shadow import Stretch
+from nsbench.error_bars.unit_gradients import for_kernel
 
 RANK = 1e-9  # relative singular value below which rows count as dependent
 # of the error: a second solution is worth it where more than UNKNOWN of it has no known direction,
 # and WIDENED of it is new
 UNKNOWN = 0.02
 WIDENED = 1e-3
+LONG = 8.0  # of the exponent of a flow: by scaling and squaring, no longer by its series
 LEAST = OUTSIDE  # of own length: not even the states of S are known any better
 
 
@@ -58,19 +60,18 @@ class Part:
         self.is_independent = 0 < len(N) == basis.shape[1]
         self.reach = np.linalg.norm(np.linalg.pinv(N, rcond=RANK), axis=0) if len(N) else None
 
-    def pull(self, q: np.ndarray) -> float:
-        """Return kappa for the multipliers q (m,); 0.0 where rows are dependent."""
-        return max(0.0, float((q / self.reach).min())) if self.is_independent else 0.0
-
 
 class Split:
-    """Subspaces of the errors: tangential to the contacts, and the spans of their groups.
+    """Subspaces of the errors: tangential to the contacts, and the spans of their groups. Raises
+    ArithmeticError for a drift whose derivative is not finite.
 
     contacts: places of the contacts; N (m, n): their unit gradients. groups: by part the positions
     of its contacts among `contacts`, of the tangential part, the first one, none.
     """
 
     def __init__(self, contacts: tuple, N: np.ndarray, drift: Linear):
+        if not np.all(np.isfinite(drift.J)):
+            raise ArithmeticError("the derivative of the drift is not finite")
         self.contacts = contacts
         self.groups = [np.empty(0, int), *_coupled(N)]
         n = len(drift.J)
@@ -83,8 +84,24 @@ class Split:
         ]
         self.tangent = self.parts[0].projection
         self.sizes: np.ndarray | None = None  # (parts, m) of all unit gradients in the parts
+        self._norms_in: dict[tuple, np.ndarray] = {}
         self.along = self.tangent @ drift.J @ self.tangent
         self.speed = float(np.linalg.norm(self.along))
+        of_parts = [(p.is_empty, p.rate, p.inflow) for p in self.parts]
+        is_empty, rates, inflows = (np.array(v) for v in zip(*of_parts, strict=True))
+        ptr = np.cumsum([0, *(b.shape[1] for b in bases)])
+        own = for_kernel(whole.T), ptr, is_empty, for_kernel(self.along), self.speed
+        self.arrays = SplitArrays(
+            *own, rates, inflows, float(drift.change), float(drift.one_sided)
+        )
+
+    def norms_in(self, other: Split) -> np.ndarray:
+        """Return the norms of the products of projections on the parts of another split (rows) and
+        on those of this one (columns)."""
+        if other.contacts not in self._norms_in:
+            rows = [[_norm(p.projection @ q.projection) for q in self.parts] for p in other.parts]
+            self._norms_in[other.contacts] = np.array(rows)
+        return self._norms_in[other.contacts]
 
 
 def _coupled(N: np.ndarray) -> list[np.ndarray]:
@@ -135,13 +152,7 @@ class Known:
         """Return the largest sizes of z in the parts of another split."""
         if other is self.split:
             return self.radii
-        held = [(p.projection, r) for p, r in zip(self.split.parts, self.radii, strict=True) if r]
-        return np.array(
-            [
-                min(self.radius, sum(_norm(part.projection @ Q) * r for Q, r in held))
-                for part in other.parts
-            ]
-        )
+        return np.minimum(self.radius, self.split.norms_in(other) @ self.radii)
 
 
 @dataclass(frozen=True)
@@ -278,16 +289,17 @@ class SplitBound:
             off = off + 0.5 * np.abs(np.diff(walls, n=2, axis=1)).max(axis=1)
         return gaps.min(axis=1) - off
 
-    def pulls(self, at: Stretch, split: Split) -> list[np.ndarray]:
-        """Return (4,) kappa of each part in the quarters of a stretch: 0.0 unless all of its
+    def pulls(self, at: Stretch, split: Split) -> np.ndarray:
+        """Return (parts, 4) kappa of each part in the quarters of a stretch: 0.0 unless all of its
         contacts are closed with positive multipliers."""
         quarters = np.minimum(at.loads[:-1], at.loads[1:])
         loads = {self.place[c]: quarters[:, a] for a, c in enumerate(at.ids)}
         none = np.zeros(len(quarters))
-        pulls = [none]
-        for part, group in zip(split.parts[1:], split.groups[1:], strict=True):
-            q = np.array([loads.get(split.contacts[k], none) for k in group])
-            pulls.append(np.array([part.pull(column) for column in q.T]))
+        pulls = np.zeros((len(split.parts), len(quarters)))
+        for k, part in enumerate(split.parts):
+            if part.is_independent and loads:
+                q = np.array([loads.get(split.contacts[a], none) for a in split.groups[k]])
+                pulls[k] = np.maximum((q / part.reach[:, None]).min(axis=0), 0.0)
         return pulls
 
 
@@ -295,38 +307,28 @@ class _Step:
     """The error over one stretch, if no contacts but those of the split act on x or Y.
 
     end: what is known at its end; peaks: largest sizes of z in the parts of the split on the way;
-    flow: the known part; unknown: bound of what J times its integral lacks of the integral of J w.
+    flow: the known part, bend: how far it may be from the line between its ends; unknown: bound of
+    what J times its integral lacks of the integral of J w.
     """
 
     def __init__(self, bound: SplitBound, at: Stretch, known: Known, s: Split):
+        n = len(known.delta)
         H = at.H
         drift = bound.drift
-        most = residual_size(at.residual, H) + at.slack
-        most = max(1.0, np.exp(drift.one_sided * H)) * (known.size + most)
-        radii = known.radii_in(s).copy()
         self.split = s
         self.two_sided = bound.rows.near.sign < 0
-        self.peaks = np.zeros(len(radii))
-        self.flow = Flow(s.tangent, s.along, s.speed, known.delta, at.residual, H)
-        pulls = bound.pulls(at, s)
-        # the groups first: what they hold flows into the tangential part, which comes last
-        for k in reversed(range(len(s.parts))):
-            part = s.parts[k]
-            first = radii[k]
-            rest = size(self.peaks)
-            added = at.slack + self.flow.error
-            if k > 0:
-                first += size(part.projection @ known.delta)
-                rest = most
-                added = at.slack + residual_size(at.residual @ part.projection, H)
-            inflow = part.inflow * rest + drift.change * most
-            grown = max(1.0, np.exp(part.rate * H))
-            self.peaks[k] = 0.0 if part.is_empty else grown * (first + H * inflow + added)
-            radii[k] = _held(first, part.rate, inflow, pulls[k], H) + grown * added
-            if part.is_empty:
-                radii[k] = 0.0
+        self.peaks = np.zeros(len(s.parts))
+        self.flow = FlowArrays(np.empty(n), np.empty(n), np.empty(n))
+        radii = for_kernel(known.radii_in(s).copy())
+        is_given = H * s.speed > LONG
+        if is_given:
+            self.flow.end[:], self.flow.integral[:] = long_flow(s.along, H, s.tangent @ known.delta)
+        residual = for_kernel(at.residual)
+        error = for_kernel(known.delta), known.size, residual, at.slack, H, bound.pulls(at, s)
+        out = carry_split(s.arrays, *error, is_given, self.flow, radii, self.peaks)
+        self.bend, lack, most = out
         self.end = Known(self.flow.end, s, radii)
-        self.unknown = drift.two_sided * (size(self.peaks) * H + self.flow.lack)
+        self.unknown = drift.two_sided * (size(self.peaks) * H + lack)
         self.unknown += H * drift.change * most
 
     def reaches(self, N: np.ndarray) -> np.ndarray:
@@ -338,15 +340,16 @@ class _Step:
         # a link in one dimension has two ends, on either of which x may be
         other = np.maximum(-(N @ self.flow.start), -(N @ self.flow.end))
         ends = np.where(self.two_sided, np.maximum(ends, other), ends)
-        return ends + self.flow.bend + self.peaks @ self.split.sizes
+        return ends + self.bend + self.peaks @ self.split.sizes
 
 
-def _held(r: float, rate: float, inflow: float, pulls: np.ndarray, H: float) -> float:
-    """Return a bound at H of a size that is r at 0 and grows by rate times itself and inflow; less
-    pulls (4,) in the quarters of H, as long as it is positive."""
-    step = H / len(pulls)
-    grown = np.exp(rate * step)
-    for pull in pulls:
-        net = inflow - pull
-        r = max(0.0, grown * r + step * net * (max if net > 0.0 else min)(1.0, grown))
-    return float(r)
+def long_flow(A: np.ndarray, H: float, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return exp(H A) v and the integral of exp(s A) v over 0 <= s <= H, (n,) each, by scaling and
+    squaring of a matrix that holds both."""
+    from scipy.linalg import expm
+
+    both = np.zeros((len(v) + 1, len(v) + 1))
+    both[:-1, :-1] = H * A
+    both[:-1, -1] = H * v
+    both = expm(both)
+    return both[:-1, :-1] @ v, both[:-1, -1]

@@ -87,9 +87,9 @@ def test_a_row_that_lists_a_coordinate_twice_is_its_sum():
     assert np.allclose(N.multipliers(np.ones((1, 1))), 1.0, rtol=1e-9)
 
 
-def pieces_of(problem, n, drift=None):
+def kernels_of(problem, n, drift=None):
     scene = ConstraintSet(problem, n)
-    return Shadow(scene, Drift(drift or problem.drift, n)).pieces
+    return Shadow(scene, Drift(drift or problem.drift, n)).kernels
 
 
 def test_a_piece_ends_where_the_first_gap_closes():
@@ -102,16 +102,16 @@ def test_a_piece_ends_where_the_first_gap_closes():
     both = Affine(np.diag([4.0, 1.0]), b=np.array([-1.0, -0.5]))
     upper = Affine(np.array([[0.0, 1.0]]), b=np.array([-0.5]))
     for wall, length, gap in ((both, 0.375, 0), (upper, 16.0 ** (-1 / 3), 0)):
-        pieces = pieces_of(Complementarity(fall, (wall,)), 2)
-        rows, piece = pieces.follow(0.0, 1.0, np.ones(2))
+        kernels = kernels_of(Complementarity(fall, (wall,)), 2)
+        rows, piece = kernels.follow_piece(0.0, 1.0, np.ones(2))
         assert piece.length == pytest.approx(length, abs=1e-12) and piece.is_cut
         assert piece.slack < 1e-12 and not len(piece.closed)
         left = rows.gaps(np.array([length]), piece.end[None])[0, gap]
         assert abs(left) <= 1e-12
-    _, piece = pieces.follow(0.0, 0.3, np.ones(2))
+    _, piece = kernels.follow_piece(0.0, 0.3, np.ones(2))
     assert piece.length == 0.3 and not piece.is_cut
     with pytest.raises(ArithmeticError, match="not finite"):
-        pieces.follow(0.0, np.nan, np.ones(2))
+        kernels.follow_piece(0.0, np.nan, np.ones(2))
 
 
 def test_a_piece_ends_where_the_first_multiplier_vanishes():
@@ -121,8 +121,8 @@ def test_a_piece_ends_where_the_first_multiplier_vanishes():
         return lambda t, x: xp.array([1.0 + 0.0 * t, -xp.cos(t)])
 
     floor = Affine(np.array([[0.0, 2.0]]), b=np.zeros(1))
-    pieces = pieces_of(Complementarity(weight, (floor,)), 2)
-    rows, piece = pieces.follow(0.0, 2.0, np.zeros(2))
+    kernels = kernels_of(Complementarity(weight, (floor,)), 2)
+    rows, piece = kernels.follow_piece(0.0, 2.0, np.zeros(2))
     assert piece.length == pytest.approx(np.pi / 2, abs=1e-5) and piece.is_cut
     assert piece.acting.tolist() == [0] and rows.ids[0] == (0, 0)
     quarters = np.arange(5) * piece.length / 4
@@ -156,8 +156,8 @@ ROUND = {
 def test_a_piece_slides_round_a_disc(kind):
     """x' = (1, 0) slides over the unit disc from (-0.8, 0.6): its angle a has a' = -sin a."""
     east = lambda xp: lambda t, x: xp.array([1.0, 0.0]) + 0.0 * x
-    pieces = pieces_of(Complementarity(east, (ROUND[kind],)), 2)
-    _, piece = pieces.follow(0.0, 0.05, np.array([-0.8, 0.6]))
+    kernels = kernels_of(Complementarity(east, (ROUND[kind],)), 2)
+    _, piece = kernels.follow_piece(0.0, 0.05, np.array([-0.8, 0.6]))
     start = 2.0 * np.arctan2(0.6, -0.8 + 1.0) / 1.0
     half = np.tan(0.5 * start) * np.exp(-0.05)
     exact = 2.0 * np.arctan(half)
@@ -180,14 +180,14 @@ def uncompiled(drift):
 def test_a_piece_in_python_is_that_of_the_kernel(name):
     """Where a drift cannot be compiled its source runs in Python, with the same numbers."""
     case = nsbench.get_case(name)
-    compiled = pieces_of(case.problem, case.n)
-    plain = pieces_of(case.problem, case.n, uncompiled(case.problem.drift))
+    compiled = kernels_of(case.problem, case.n)
+    plain = kernels_of(case.problem, case.n, uncompiled(case.problem.drift))
     assert compiled._loop == "compiled" and plain._loop == "host"
     y = np.array(case.x0, float)
     t = float(case.t[0])
     for _ in range(4):
-        rows, one = compiled.follow(t, float(case.t[-1]) / 9, y)
-        others, other = plain.follow(t, float(case.t[-1]) / 9, y)
+        rows, one = compiled.follow_piece(t, float(case.t[-1]) / 9, y)
+        others, other = plain.follow_piece(t, float(case.t[-1]) / 9, y)
         assert rows.ids == others.ids
         for a, b in zip(one, other, strict=True):
             assert np.allclose(a, b, rtol=1e-9, atol=1e-13)
@@ -198,18 +198,18 @@ def test_a_piece_in_python_is_that_of_the_kernel(name):
 def test_no_pair_that_comes_near_is_missed_between_two_listings():
     case = nsbench.get_case("discs[n=30]")
     scene = ConstraintSet(case.problem, case.n)
-    pieces = pieces_of(case.problem, case.n)
+    kernels = kernels_of(case.problem, case.n)
     rng = np.random.default_rng(2)
     y = np.array(case.x0, float)
     dt = 0.1 / np.linalg.norm(Drift(case.problem.drift, case.n)(0.0, y))
     listed = set()
     for _ in range(200):
         y = y + 0.01 * rng.normal(size=case.n)
-        rows, _ = pieces.follow(0.0, dt, y)
+        rows, _ = kernels.follow_piece(0.0, dt, y)
         listed.add(id(rows))
         assert set(scene.near(y, 0.35).ids) <= set(rows.ids)
     assert 1 < len(listed) < 100
-    assert pieces.follow(0.0, 0.01 * dt, y)[0].m < rows.m
+    assert kernels.follow_piece(0.0, 0.01 * dt, y)[0].m < rows.m
 
 
 def test_a_drift_that_numba_cannot_compile_has_the_same_values():

@@ -332,10 +332,11 @@ def test_a_contact_that_closes_is_found_however_large_the_scene_is():
 
 def test_an_error_whose_square_underflows_is_carried_on_as_it_is():
     walls = Complementarity(lambda xp: lambda t, x: -x, (Affine(np.eye(1), np.zeros(1)),))
-    none = ContactRows(ConstraintSet(walls, 1), ())
+    scene = ConstraintSet(walls, 1)
+    none = ContactRows(scene, ())
     leg = Leg(0.0, 1.0, none, np.ones(1), np.empty(0), none, np.ones(1))
     tiny = np.array([1e-170])
-    new, pulled = leg.carried(Drift(walls.drift, 1), tiny)
+    new, pulled = leg.carried(Shadow(scene, Drift(walls.drift, 1)).kernels, tiny)
     assert np.array_equal(new, tiny)
     assert not pulled.any()
 

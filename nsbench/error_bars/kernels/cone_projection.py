@@ -1,6 +1,6 @@
 """Projection on the cone of contact gradients: multipliers that are not negative.
 
-Unit gradients C, V (m, w), count (m,) are those of one state, as in nsbench.error_bars.kernels.gram.
+Unit gradients C, V (m, w), count (m,) are those of one state (nsbench.error_bars.kernels.gram).
 """
 
 import numpy as np
@@ -171,8 +171,8 @@ def project_off_cone(
 ) -> None:
     """Fill q (m,) >= 0 and rest (n,) such that d = N^T q + rest with the shortest rest; one state.
 
-    plan: of the Gram matrix of the unit gradients C, V (m, w), count (m,); d (n,). pushes (m,): a guess of the rows with q > 0,
-    replaced by those that have it; none is no guess.
+    plan: of the Gram matrix of the unit gradients C, V (m, w), count (m,); d (n,). pushes (m,): a
+    guess of the rows with q > 0, replaced by those that have it; none is no guess.
     """
     if not _pivoted(plan, C, V, count, pushes, d, q, rest, np.empty(len(C), np.bool_)):
         _one_by_one(plan, C, V, count, pushes, d, q, rest)
@@ -249,8 +249,8 @@ def constrained_velocity(
     """Fill v (n,) with the projection of the drift f (n,) on the velocities with N v + rates >= 0,
     and q (m,) with the multipliers, v = f + N^T q.
 
-    rates (m,): partial derivatives of the gaps in time. pushes (m,): a guess of the rows with q > 0,
-    replaced by those that have it.
+    rates (m,): partial derivatives of the gaps in time. pushes (m,): a guess of the rows with
+    q > 0, replaced by those that have it.
     """
     n = len(f)
     base = np.zeros(n)

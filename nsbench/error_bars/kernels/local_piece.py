@@ -1,4 +1,4 @@
-"""One smooth piece of a local solution: a step of the constrained motion, cut where contacts change.
+"""One smooth piece of a local solution: a step of the constrained motion, cut at its next event.
 
 From a feasible state the motion goes on with the velocity that is the drift's projection on the
 cone of velocities which violate nothing (Moreau): one step of the classical Runge-Kutta method,
@@ -58,6 +58,8 @@ STIFF = 1.0  # rate of the drift times the length of a piece that is resolved
 STIFFEST = 50.0  # and of one that is not divided for it
 CLOSING = 45  # bits of a piece to which the time is known at which a gap closes
 RELEASE = 20  # and at which a multiplier vanishes, which needs less: the motion has no kink there
+MIDDLE = 2  # of QUARTERS
+LAST = 4
 LOOKS = 16  # places of a piece where a gap may be found closed
 
 
@@ -67,8 +69,8 @@ class Piece(NamedTuple):
 
     is_cut: does it end before the length that was asked for? states (4, n): Bezier control points;
     end (n,): its last state. acting (m,), closed: places in the list of contacts that push, and of
-    all that are closed; loads (5, m): multipliers of the former at the quarters. slack: bound of the
-    integral of its residual. along (n,): integral of the drift, doubt: of that.
+    all that are closed; loads (5, m): multipliers of the former at the quarters. slack: bound of
+    the integral of its residual. along (n,): integral of the drift, doubt: of that.
     """
 
     asked: float
@@ -90,7 +92,7 @@ def _closed_at_start(calls, smooth, listed, t, y, gaps):
 
     What is closed up to CLOSED on flat faces is closed up to rounding: y moves there.
     """
-    every = every_row(listed.columns, listed.count)
+    every = every_row(listed.scene, listed.columns, listed.count, 0)
     closed = every
     for _ in range(REPAIRS):
         gaps_at(calls, smooth, listed, every, t, y, gaps)
@@ -110,12 +112,11 @@ def _take_step(calls, smooth, listed, closed, pushes, t, h, y, v, powers):
     fast the drift draws neighbouring states together, as two stages of the step show it (Hairer &
     Wanner, Solving ODEs II, 1996, IV.2).
     """
-    work = np.empty((5, len(y)))
-    b = work[0]
-    c = work[1]
-    d = work[2]
-    x = work[3]
-    last_v = work[4]
+    b = np.empty(len(y))
+    c = np.empty(len(y))
+    d = np.empty(len(y))
+    x = np.empty(len(y))
+    last_v = np.empty(len(y))
     q = np.empty(len(closed.at))
     middle = t + 0.5 * h
     fill_moved(y, 0.5 * h, v, x)
@@ -187,7 +188,7 @@ def _open_contacts(listed, gaps, powers):
         for k in range(len(gaps)):
             is_distance = contacts.kind[k] == PAIR or contacts.kind[k] == ANCHOR
             is_open[k] &= gaps[k] <= (near if is_distance else far)
-    every = every_row(listed.columns, listed.count)
+    every = every_row(listed.scene, listed.columns, listed.count, 0)
     return chosen(listed.scene, every, is_open, 0)
 
 
@@ -300,27 +301,29 @@ def _measured(calls, smooth, listed, closed, pushes, t, h, share, powers, jump, 
         fill_state(powers, share * QUARTERS[e], X[e])
         fill_slope(powers, share * QUARTERS[e], h, dX[e])
     q = np.zeros(len(closed.at))
-    work = np.empty((3, n))
-    velocity_at(calls, smooth, listed, closed, pushes, t + 0.5 * H, X[2], work[0], q)
+    rise = np.empty(n)
+    fall = np.empty(n)
+    along = np.empty(n)
+    velocity_at(calls, smooth, listed, closed, pushes, t + 0.5 * H, X[MIDDLE], along, q)
     acting = chosen(listed.scene, closed, q > 0.0, n)
-    fill_scaled(dX[0], H, work[0])
-    fill_scaled(dX[4], H, work[1])
+    fill_scaled(dX[0], H, rise)
+    fill_scaled(dX[LAST], H, fall)
     first = X[0].copy()
-    last = X[4].copy()
+    last = X[LAST].copy()
     if len(acting.at) > 0:
         jump += _move_onto_faces(calls, smooth, listed, acting, t, H, X)
     states = np.empty((4, n))
-    fill_controls(first, last, work[0], work[1], X[2], states)
+    fill_controls(first, last, rise, fall, X[MIDDLE], states)
     loads = np.empty((len(X), len(acting.at)))
     sizes = _residual_sizes(calls, smooth, listed, acting, t, H, X, dX, F, loads)
     unseen = H * _hidden_size(calls, t, H, powers, share, F)
     slack = jump + unseen + H * upper_mean(sizes)
-    fill_weighted(BEYOND_SIMPSON, F, work[2])
-    doubt = H * norm(work[2]) + unseen
-    fill_weighted(BOOLE, F, work[2])
-    fill_scaled(work[2], H, work[2])
+    fill_weighted(BEYOND_SIMPSON, F, along)
+    doubt = H * norm(along) + unseen
+    fill_weighted(BOOLE, F, along)
+    fill_scaled(along, H, along)
     return Piece(
-        0.0, H, is_cut, states, X[4].copy(), acting.at, closed.at, loads, slack, work[2], doubt
+        0.0, H, is_cut, states, X[LAST].copy(), acting.at, closed.at, loads, slack, along, doubt
     )
 
 
@@ -351,7 +354,8 @@ def follow_piece(
     units: origin, time and length, of Calls; the others as there and in rows_at.
     """
     listed = borrowed(listed)
-    calls = Calls(drift, walls, ends, units[0], units[1], units[2])
+    origin, time, length = units
+    calls = Calls(drift, walls, ends, origin, time, length)
     y = start.copy()
     v = np.empty(len(y))
     f = np.empty(len(y))

@@ -142,9 +142,13 @@ def gaps_and_gradients(
 
 
 @inner_kernel
-def every_row(columns: np.ndarray, count: np.ndarray) -> Rows:
-    """Return all rows of a list."""
-    return Rows(np.arange(len(count)), columns, count, False, arrange(columns, count, 0, 0))
+def every_row(scene: Constraints, columns: np.ndarray, count: np.ndarray, n: int) -> Rows:
+    """Return all rows of a list; n as in `chosen`."""
+    is_straight = True
+    for kind in scene.contacts.kind:
+        is_straight &= kind == ROW
+    plan = arrange(columns, count, len(count) if n > 0 else 0, n)
+    return Rows(np.arange(len(count)), columns, count, is_straight, plan)
 
 
 @inner_kernel

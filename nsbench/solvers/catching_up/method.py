@@ -159,7 +159,7 @@ def _projectors(scene):
 
 
 def _compiled(case, scene, g, x0, reach):
-    """Return the time loop bound to its data, and "compiled" or "host" (compilation.case_functions)."""
+    """Return the time loop bound to its data, and "compiled" or "host"."""
     from nsbench.dynamics.contacts.kernels.contact_arrays import AffineRows
     from nsbench.solvers.catching_up.kernels import loop as kernel
     from nsbench.compilation.case_functions import (

@@ -142,7 +142,7 @@ class PBD(StepOrTolerance):
         return lambda: build_trajectory(case, g, loop, march(), again)
 
     def _compiled(self, case, scene, g, x0):
-        """Return the time loop bound to its data, and "compiled" or "host" (compilation.case_functions)."""
+        """Return the time loop bound to its data, and "compiled" or "host"."""
         if is_cell_scene(scene):
             return self._by_cells(case, scene, g, x0)
         return self._listed(case, scene, g, x0)

@@ -1,4 +1,4 @@
-"""Pieces of local solutions: the kernel that follows one, bound to a scene, and its neighbour list."""
+"""Kernels that call the functions of a case, bound to a scene, and its neighbour list."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from nsbench.compilation.case_functions import (
 from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 from nsbench.error_bars.contact_rows import ContactRows
 from nsbench.error_bars.drift import Drift
-from nsbench.error_bars.kernels import case_rows, local_piece
+from nsbench.error_bars.kernels import case_rows, error_flow, local_piece
 from nsbench.error_bars.unit_gradients import for_kernel
 from nsbench.problem import Smooth
 
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
 SKIN = 2.0  # times the reach: as far as pairs are listed
 
 
-class Pieces:
-    """Follow the constrained motion of a scene piece by piece (kernels.local_piece).
+class SceneKernels:
+    """Follow the constrained motion of a scene piece by piece, and errors along it.
 
-    The kernel is compiled; where numba cannot compile a function of the case, or a constraint is a
-    Smooth one, its source runs in Python. Pairs are listed with a skin (Verlet, Phys. Rev. 159,
+    The kernels are compiled; where numba cannot compile a function of the case, or a constraint is
+    a Smooth one, their source runs in Python. Pairs are listed with a skin (Verlet, Phys. Rev. 159,
     1967), and anew when the state has moved so far that others may be as near. every: the rows of
     all constraints, where there are few and all are flat; else None.
     """
@@ -40,7 +40,7 @@ class Pieces:
         self.drift = drift
         self._has_smooth = any(isinstance(c, Smooth) for c in scene.families)
         self._functions, self._loop = self._case_functions()
-        self._kernel: Callable | None = None
+        self._bound: dict[Callable, Callable] = {}
         self._rows = every or self._near(np.zeros(scene.n), 0.0)
         self._listed = self._rows.listed(np.zeros(scene.n), 0.0, every is not None)
 
@@ -61,7 +61,7 @@ class Pieces:
         near = self.scene.near(y, reach)
         return ContactRows(self.scene, near.ids, near)
 
-    def follow(self, t: float, dt: float, y: np.ndarray) -> tuple[ContactRows, Piece]:
+    def follow_piece(self, t: float, dt: float, y: np.ndarray) -> tuple[ContactRows, Piece]:
         """Return the piece from the state y (n,) of S at the time t, over at most dt, and the rows
         among which its contacts are counted. Raises ArithmeticError for a drift that is no number.
         """
@@ -77,9 +77,39 @@ class Pieces:
         return self._rows, piece
 
     def _call(self, t: float, dt: float, y: np.ndarray) -> Piece:
-        smooth = self._rows.fill_smooth if self._has_smooth else None
+        smooth = self._smooth(self._rows)
         args = (*self._functions, smooth, self.drift.units, self._listed, t, dt, y)
-        if self._kernel is None:
-            in_python = lambda k: files_in_python(k, case_rows.__name__, local_piece.__name__)
-            self._kernel = bind_loop(local_piece.follow_piece, self._loop, args, in_python)
-        return self._kernel(*args)
+        return self._kernel(local_piece.follow_piece, args)(*args)
+
+    def carry_error(
+        self,
+        rows: ContactRows,
+        face: ContactRows,
+        t: float,
+        H: float,
+        states: np.ndarray,
+        q: np.ndarray,
+        delta: np.ndarray,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the error delta (n,) after a time H, and the integral (n,) of J delta over it.
+
+        rows, with multipliers q (m,): contacts that act meanwhile; face: that act at the end too.
+        states (2, n): in the middle and at the end.
+        """
+        new = np.empty(len(delta))
+        along = np.empty(len(delta))
+        functions = (*self._functions, self._smooth(rows), self._smooth(face), self.drift.units)
+        motion = (t, H, states, for_kernel(q), for_kernel(delta), new, along)
+        args = (*functions, rows.as_list, face.as_list, *motion)
+        self._kernel(error_flow.carry_error, args)(*args)
+        return new, along
+
+    def _smooth(self, rows: ContactRows) -> Callable | None:
+        return rows.fill_smooth if self._has_smooth else None
+
+    def _kernel(self, kernel: Callable, args: tuple) -> Callable:
+        """Return what is called for a kernel with arguments of these types."""
+        if kernel not in self._bound:
+            in_python = lambda k: files_in_python(k, case_rows.__name__, k.py_func.__module__)
+            self._bound[kernel] = bind_loop(kernel, self._loop, args, in_python)
+        return self._bound[kernel]
