@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -44,7 +45,7 @@ class Runs:
     def __len__(self) -> int:
         return len(self.col["status"])
 
-    @property
+    @cached_property
     def good(self) -> np.ndarray:
         """Return the mask of the runs whose errors are numbers, (runs,)."""
         return np.isin(self.col["status"], GOOD)

@@ -148,21 +148,23 @@ def _least_load(calls, smooth, listed, acting, powers, w, t):
 
 @inner_kernel
 def _release(calls, smooth, listed, acting, powers, t, h):
-    """Return the part of the step at which the first acting multiplier vanishes, 1 if none does."""
+    """Return the part of the step at which the first acting multiplier vanishes, 1 if none does, by
+    bisection."""
     if len(acting.at) == 0:
         return 1.0
-    if not _least_load(calls, smooth, listed, acting, powers, 0.0, t) >= 0.0:
-        return 1.0
-    if not _least_load(calls, smooth, listed, acting, powers, 1.0, t + h) < 0.0:
-        return 1.0
-    low = 0.0
-    high = 1.0
-    for _ in range(RELEASE):
-        w = 0.5 * (low + high)
-        if _least_load(calls, smooth, listed, acting, powers, w, t + w * h) < 0.0:
+    low = -1.0
+    high = 0.0
+    w = 0.0
+    # both ends first: all push at the start, and not all at the end
+    for k in range(RELEASE + 2):
+        is_negative = _least_load(calls, smooth, listed, acting, powers, w, t + w * h) < 0.0
+        if k < 2 and is_negative != (k == 1):
+            return 1.0
+        if is_negative:
             high = w
         else:
             low = w
+        w = 1.0 if k == 0 else 0.5 * (low + high)
     return high
 
 
@@ -371,18 +373,23 @@ def follow_piece(
     q = np.zeros(len(closed.at))
     pushes = np.zeros(len(q), np.bool_)
     projected_at(calls, smooth, listed, closed, pushes, t, y, f, v, q)
+    acting = chosen(listed.scene, closed, q > 0.0, len(y))
     powers = np.empty((4, len(y)))
     h = dt
-    rate = _take_step(calls, smooth, listed, closed, pushes, t, h, y, v, powers)
-    if STIFF < h * rate <= STIFFEST:
-        # a stable step, unless that would take too many
-        h = STIFF / rate
-        _take_step(calls, smooth, listed, closed, pushes, t, h, y, v, powers)
-    acting = chosen(listed.scene, closed, q > 0.0, len(y))
-    share = _release(calls, smooth, listed, acting, powers, t, h)
-    if share < 1.0:
+    is_stable = False
+    is_released = False
+    while True:
+        rate = _take_step(calls, smooth, listed, closed, pushes, t, h, y, v, powers)
+        if not is_stable and STIFF < h * rate <= STIFFEST:
+            h = STIFF / rate  # a stable step, unless that would take too many
+            is_stable = True
+            continue
+        share = 1.0 if is_released else _release(calls, smooth, listed, acting, powers, t, h)
+        if not share < 1.0:
+            break
         h *= share
-        _take_step(calls, smooth, listed, closed, pushes, t, h, y, v, powers)
+        is_stable = True
+        is_released = True
     is_open = _open_contacts(listed, gaps, powers)
     share = min(1.0, _closing(calls, smooth, listed, is_open, powers, t, h))
     if listed.is_flat:
