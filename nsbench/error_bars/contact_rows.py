@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import math
 from collections.abc import Sequence
 from functools import cached_property
@@ -19,8 +18,6 @@ if TYPE_CHECKING:
     from nsbench.error_bars.kernels.unit_gradients import Constraints
 
 NO_GRADIENTS = np.empty((0, 0, 0))
-# attributes that are computed once, and belong to the contacts
-KNOWN = ("is_straight", "has_smooth", "as_list", "_in_kernels", "_columns", "_constant")
 
 
 class ContactRows:
@@ -51,15 +48,6 @@ class ContactRows:
     def is_straight(self) -> bool:
         """Are all contacts affine rows?"""
         return bool(np.all(self.near.kind == ROW))
-
-    def take(self, index: np.ndarray) -> ContactRows:
-        """Return the rows of the given index (k,)."""
-        some = copy.copy(self)
-        some.ids = tuple([self.ids[k] for k in index])
-        some.near = self.near.take(index)
-        for name in KNOWN:
-            some.__dict__.pop(name, None)
-        return some
 
     @cached_property
     def _in_kernels(self) -> Constraints:

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench.error_bars.contact_rows import size
+from nsbench.error_bars.kernels.case_rows import CLOSED
 from nsbench.error_bars.kernels.cubic import QUARTERS
-from nsbench.error_bars.kernels.local_piece import CLOSED
 from nsbench.error_bars.shadow import Shadow, Stretch
 
 PIECES = (1, 4)  # of an interval, beside those that events make

@@ -16,6 +16,7 @@ import numpy as np
 from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 from nsbench.error_bars.contact_rows import ContactRows
 from nsbench.error_bars.drift import Drift
+from nsbench.error_bars.kernels.case_rows import CLOSED, REPAIRS
 from nsbench.error_bars.kernels.cone_projection import PULL
 from nsbench.error_bars.kernels.cubic import (
     BEYOND_SIMPSON,
@@ -24,7 +25,7 @@ from nsbench.error_bars.kernels.cubic import (
     HIDDEN_WEIGHTS,
     QUARTERS,
 )
-from nsbench.error_bars.kernels.local_piece import CLOSED, NEWTON, OUTSIDE, REPAIRS
+from nsbench.error_bars.kernels.local_piece import NEWTON, OUTSIDE
 from nsbench.error_bars.scene_kernels import SceneKernels
 
 MOST_ROWS = 2_000  # constraints that are all looked at

@@ -13,7 +13,7 @@ from nsbench.error_bars.drift import Drift
 from nsbench.error_bars.kernels.cone_projection import _least_change, _one_by_one
 from nsbench.error_bars.kernels.gram import DAMPING, gram_multipliers
 from nsbench.error_bars.kernels.local_piece import follow_piece
-from nsbench.error_bars.kernels.unit_gradients import gaps_and_gradients
+from nsbench.error_bars.kernels.unit_gradients import chosen, every_row, gaps_and_gradients
 from nsbench.error_bars.shadow import Shadow
 from nsbench.error_bars.unit_gradients import UnitGradients
 from nsbench.linalg.skyline_cholesky import arrange
@@ -60,21 +60,17 @@ def test_gaps_and_gradients_of_contacts_of_every_kind_are_those_of_the_scene():
         assert np.allclose(N.dense()[s], G / lengths[:, None], rtol=1e-14, atol=1e-14)
 
 
-def test_rows_that_are_taken_are_those_of_all():
+def test_rows_that_are_chosen_are_those_of_all():
     _, _, rows = _mixed_rows()
-    rng = np.random.default_rng(1)
-    t = rng.uniform(size=2)
-    X = rng.normal(size=(2, 6))
-    gaps, N = rows.gaps_and_gradients(t, X)
-    for index in ([1, 0], [3, 5], [len(rows.ids) - 1], list(range(rows.m))):
-        some = rows.take(np.array(index))
-        assert some.ids == tuple(rows.ids[k] for k in index)
+    listed = rows.as_list
+    every = python_entry(every_row)(listed.scene, listed.columns, listed.count, 6)
+    for index in ([1, 0], [3, 5], [rows.m - 1], list(range(rows.m))):
+        is_chosen = np.isin(np.arange(rows.m), index)
+        some = python_entry(chosen)(listed.scene, every, is_chosen, 6)
+        assert some.at.tolist() == sorted(index)
         assert some.is_straight == (max(index) < 2)
-        found, part = some.gaps_and_gradients(t, X)
-        assert np.array_equal(found, gaps[:, index])
-        assert np.array_equal(
-            np.broadcast_to(part.dense(), (2, len(index), 6)), N.dense()[:, index]
-        )
+        assert np.array_equal(some.C, every.C[sorted(index)])
+        assert np.array_equal(some.count, every.count[sorted(index)])
 
 
 def test_a_row_that_lists_a_coordinate_twice_is_its_sum():

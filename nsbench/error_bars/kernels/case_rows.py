@@ -14,9 +14,17 @@ from nsbench.compilation.decorators import inner_kernel
 from nsbench.error_bars.kernels.cone_projection import constrained_velocity
 from nsbench.error_bars.kernels.cubic import fill_moved, fill_scaled
 from nsbench.error_bars.kernels.gram import shortest
-from nsbench.error_bars.kernels.unit_gradients import Constraints, Rows, fill_gaps
+from nsbench.error_bars.kernels.unit_gradients import (
+    Constraints,
+    Rows,
+    chosen,
+    every_row,
+    fill_gaps,
+)
 from nsbench.linalg.max_norm import largest
 
+CLOSED = 1e-12  # of own length: a gap that is zero up to rounding
+REPAIRS = 20  # of a start at which contacts are closed up to CLOSED alone
 TIME_STEP = 2.0**-20  # of own time, for the rate at which a moving constraint moves
 
 
@@ -117,26 +125,6 @@ def rates_at(
 
 
 @inner_kernel
-def velocity_at(
-    calls: Calls,
-    smooth: Callable | None,
-    listed: Listed,
-    closed: Rows,
-    pushes: np.ndarray,
-    t: float,
-    x: np.ndarray,
-    v: np.ndarray,
-    q: np.ndarray,
-) -> None:
-    """Fill v (n,) with the drift's projection on the velocities that violate none of the closed
-    contacts, and q (m,) with their multipliers. pushes (m,): those that pushed last, tried first;
-    overwritten."""
-    f = np.empty(len(x))
-    drift_at(calls, t, x, f)
-    projected_at(calls, smooth, listed, closed, pushes, t, x, f, v, q)
-
-
-@inner_kernel
 def projected_at(
     calls: Calls,
     smooth: Callable | None,
@@ -149,7 +137,9 @@ def projected_at(
     v: np.ndarray,
     q: np.ndarray,
 ) -> None:
-    """Do the same for the drift f (n,)."""
+    """Fill v (n,) with the projection of the drift f (n,) on the velocities that violate none of
+    the closed contacts, and q (m,) with their multipliers. pushes (m,): those that pushed last,
+    tried first; overwritten."""
     m = len(closed.at)
     if m == 0:
         fill_scaled(f, 1.0, v)
@@ -159,6 +149,24 @@ def projected_at(
     rows_at(calls, smooth, listed, closed, t, x, rates, V)
     rates_at(calls, smooth, listed, closed, t, x, rates)
     constrained_velocity(closed.plan, closed.C, V, closed.count, rates, f, pushes, v, q)
+
+
+@inner_kernel
+def velocity_at(
+    calls: Calls,
+    smooth: Callable | None,
+    listed: Listed,
+    closed: Rows,
+    pushes: np.ndarray,
+    t: float,
+    x: np.ndarray,
+    v: np.ndarray,
+    q: np.ndarray,
+) -> None:
+    """Do the same for the drift at the time t and the state x (n,)."""
+    f = np.empty(len(x))
+    drift_at(calls, t, x, f)
+    projected_at(calls, smooth, listed, closed, pushes, t, x, f, v, q)
 
 
 @inner_kernel
@@ -180,3 +188,28 @@ def step_onto_face(
     shortest(rows.plan, rows.C, V, rows.count, g, is_refined, step)
     fill_moved(x, -1.0, step, x)
     return largest(step)
+
+
+@inner_kernel
+def closed_at_start(
+    calls: Calls,
+    smooth: Callable | None,
+    listed: Listed,
+    t: float,
+    y: np.ndarray,
+    gaps: np.ndarray,
+) -> Rows:
+    """Return the contacts that are closed at y (n,), and fill gaps (m,) with those of all.
+
+    What is closed up to CLOSED on flat faces is closed up to rounding: y moves there.
+    """
+    every = every_row(listed.scene, listed.columns, listed.count, 0)
+    closed = every
+    for _ in range(REPAIRS):
+        gaps_at(calls, smooth, listed, every, t, y, gaps)
+        closed = chosen(listed.scene, every, gaps <= CLOSED, len(y))
+        if len(closed.at) == 0 or not closed.is_straight:
+            break
+        if step_onto_face(calls, smooth, listed, closed, t, y, True) <= CLOSED / 8.0:
+            break
+    return closed

@@ -15,14 +15,16 @@ from nsbench.compilation.borrowed_arrays import borrowed
 from nsbench.compilation.decorators import inner_kernel, njit
 from nsbench.dynamics.contacts.kernels.contact_arrays import ANCHOR, PAIR
 from nsbench.error_bars.kernels.case_rows import (
+    CLOSED,
     Calls,
     Listed,
+    closed_at_start,
     drift_at,
     gaps_at,
-    step_onto_face,
     projected_at,
     rates_at,
     rows_at,
+    step_onto_face,
     velocity_at,
 )
 from nsbench.error_bars.kernels.cone_projection import least_multiplier, tangential_rest
@@ -45,14 +47,12 @@ from nsbench.error_bars.kernels.cubic import (
     turned,
     upper_mean,
 )
-from nsbench.error_bars.kernels.unit_gradients import Rows, chosen, every_row
+from nsbench.error_bars.kernels.unit_gradients import chosen, every_row
 from nsbench.linalg.max_norm import largest
 
-CLOSED = 1e-12  # of own length: a gap that is zero up to rounding
 OUTSIDE = 1e3 * CLOSED  # a state that violates no constraint by more counts as one of S
 SETTLED = 1e-8  # of the state: a Gauss-Newton step after which the next one is rounding
 NEWTON = 6  # Gauss-Newton steps onto a curved face
-REPAIRS = 20  # of a start at which contacts are closed up to CLOSED alone
 LONG = 8.0  # times the reach: a list that holds far more than what is asked for is made anew
 STIFF = 1.0  # rate of the drift times the length of a piece that is resolved
 STIFFEST = 50.0  # and of one that is not divided for it
@@ -84,24 +84,6 @@ class Piece(NamedTuple):
     slack: float
     along: np.ndarray
     doubt: float
-
-
-@inner_kernel
-def _closed_at_start(calls, smooth, listed, t, y, gaps):
-    """Return the contacts that are closed at y (n,), and fill gaps (m,) with those of all.
-
-    What is closed up to CLOSED on flat faces is closed up to rounding: y moves there.
-    """
-    every = every_row(listed.scene, listed.columns, listed.count, 0)
-    closed = every
-    for _ in range(REPAIRS):
-        gaps_at(calls, smooth, listed, every, t, y, gaps)
-        closed = chosen(listed.scene, every, gaps <= CLOSED, len(y))
-        if len(closed.at) == 0 or not closed.is_straight:
-            break
-        if step_onto_face(calls, smooth, listed, closed, t, y, True) <= CLOSED / 8.0:
-            break
-    return closed
 
 
 @inner_kernel
@@ -369,7 +351,7 @@ def follow_piece(
         if not needed <= listed.reach <= LONG * reach:
             return _not_listed(reach, len(y))
     gaps = np.empty(len(listed.count))
-    closed = _closed_at_start(calls, smooth, listed, t, y, gaps)
+    closed = closed_at_start(calls, smooth, listed, t, y, gaps)
     q = np.zeros(len(closed.at))
     pushes = np.zeros(len(q), np.bool_)
     projected_at(calls, smooth, listed, closed, pushes, t, y, f, v, q)
