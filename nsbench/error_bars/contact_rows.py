@@ -171,14 +171,14 @@ class ContactRows:
 
     def closed(self, t: np.ndarray, X: np.ndarray, rounds: int = 1) -> np.ndarray:
         """Return states (K, n) near X at which all contacts are closed: Gauss-Newton steps."""
-        from nsbench.error_bars.kernels.local_piece import SETTLED
+        from nsbench.error_bars.kernels.local_piece import ROUNDING
 
         for _ in range(rounds if self.m else 0):
             g, N = self.gaps_and_gradients(t, X)
             step = N.normal_part(g, is_refined=rounds == 1)
             X = X - step
-            if np.abs(step).max() <= SETTLED * np.abs(X).max():
-                break
+            if np.abs(step).max() ** 2 <= ROUNDING * np.abs(X).max():
+                break  # they converge quadratically: the next step is one of rounding
         return X
 
 

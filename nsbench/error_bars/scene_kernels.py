@@ -41,8 +41,8 @@ class SceneKernels:
         self._has_smooth = any(isinstance(c, Smooth) for c in scene.families)
         self._functions, self._loop = self._case_functions()
         self._bound: dict[Callable, Callable] = {}
-        self._rows = every or self._near(np.zeros(scene.n), 0.0)
-        self._listed = self._rows.listed(np.zeros(scene.n), 0.0, every is not None)
+        self._rows = every
+        self._listed = every and every.listed(np.zeros(scene.n), 0.0, True)
 
     def _case_functions(self) -> tuple[tuple, str]:
         """Return drift, walls and anchors for the kernel, and "compiled" or "host"."""
@@ -57,22 +57,24 @@ class SceneKernels:
         found = compile_functions(*functions)
         return found.functions, found.loop
 
-    def _near(self, y: np.ndarray, reach: float) -> ContactRows:
+    def _list(self, y: np.ndarray, reach: float) -> None:
+        """List all contacts with a gap of at most `reach` at y (n,)."""
         near = self.scene.near(y, reach)
-        return ContactRows(self.scene, near.ids, near)
+        self._rows = ContactRows(self.scene, near.ids, near)
+        self._listed = self._rows.listed(y, reach, False)
 
     def follow_piece(self, t: float, dt: float, y: np.ndarray) -> tuple[ContactRows, Piece]:
         """Return the piece from the state y (n,) of S at the time t, over at most dt, and the rows
         among which its contacts are counted. Raises ArithmeticError for a drift that is no number.
         """
         y = for_kernel(y)
-        piece = self._call(t, dt, y)
+        if self._listed is None:
+            self._list(y, 0.0)
+        piece = self._call(float(t), float(dt), y)
         if piece.asked:
-            reach = SKIN * piece.asked
-            self._rows = self._near(y, reach)
-            self._listed = self._rows.listed(y, reach, False)
-            piece = self._call(t, dt, y)
-        if piece.asked or not np.isfinite(piece.length):
+            self._list(y, SKIN * piece.asked)
+            piece = self._call(float(t), float(dt), y)
+        if piece.asked or not np.all(np.isfinite(piece.end)):
             raise ArithmeticError(f"the drift at t = {t:g} in own units is not finite")
         return self._rows, piece
 
@@ -99,8 +101,8 @@ class SceneKernels:
         new = np.empty(len(delta))
         along = np.empty(len(delta))
         functions = (*self._functions, self._smooth(rows), self._smooth(face), self.drift.units)
-        motion = (t, H, states, for_kernel(q), for_kernel(delta), new, along)
-        args = (*functions, rows.as_list, face.as_list, *motion)
+        arrays = (for_kernel(states), for_kernel(q), for_kernel(delta), new, along)
+        args = (*functions, rows.as_list, face.as_list, float(t), float(H), *arrays)
         self._kernel(error_flow.carry_error, args)(*args)
         return new, along
 

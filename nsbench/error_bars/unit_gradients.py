@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+
 def for_kernel(a: np.ndarray) -> np.ndarray:
     """Return the array in the layout for which kernels are compiled.
 

@@ -108,6 +108,7 @@ def test_a_piece_ends_where_the_first_gap_closes():
     assert piece.length == 0.3 and not piece.is_cut
     with pytest.raises(ArithmeticError, match="not finite"):
         kernels.follow_piece(0.0, np.nan, np.ones(2))
+    assert kernels.follow_piece(0, 1, np.ones(2))[1].length == pytest.approx(16.0 ** (-1 / 3))
 
 
 def test_a_piece_ends_where_the_first_multiplier_vanishes():
@@ -332,9 +333,26 @@ def test_the_least_change_of_a_velocity_keeps_walls_apart():
     q = np.empty(2)
     turned = np.array([[1.0, 0.0], [0.6, 0.8]])
     arrays = UnitGradients.of(turned[None])
-    given = arrays.columns, arrays.values[0], arrays.count
+    C, V, count = arrays.columns, arrays.values[0], arrays.count
+    given = python_entry(arrange)(C, count, 2, 2), C, V, count
     least_change(*given, np.array([-1.0, -1.0]), np.array([-3.0, 0.0]), v, q)
     assert np.allclose(v, [1.0, 0.5], atol=1e-8)
     assert np.allclose(v, np.array([-3.0, 0.0]) + q @ turned, atol=1e-8) and q.min() > 0.0
     least_change(*given, np.array([-1.0, 5.0]), np.array([0.2, -3.0]), v, q)
     assert np.allclose(v, [1.0, -3.0], atol=1e-8) and np.allclose(q, [0.8, 0.0], atol=1e-8)
+
+
+@pytest.mark.parametrize("strength", [1.0, 1e4, 1e8])
+def test_the_least_change_is_right_under_a_strong_drift(strength):
+    """A point between a wall that comes with 0.5 and one that recedes with 0.7 is driven at the
+    first one: it moves with it, however strong the drift."""
+    slab = UnitGradients.of(np.array([[[1.0], [-1.0]]]))
+    C, V, count = slab.columns, slab.values[0], slab.count
+    plan = python_entry(arrange)(C, count, 2, 1)
+    v = np.empty(1)
+    q = np.empty(2)
+    rates = np.array([0.5, 0.7])
+    f = np.array([-strength - 1.0])
+    python_entry(_least_change)(plan, C, V, count, rates, f, v, q)
+    assert v[0] == pytest.approx(-0.5, abs=1e-14 * strength + 1e-9)
+    assert q == pytest.approx([strength + 0.5, 0.0], rel=1e-9)

@@ -1,8 +1,8 @@
 """Drift and contacts of a case at one state, and the velocity that they leave it.
 
 The functions of the case (drift, walls, ends, smooth) are called here. Where numba cannot compile
-one, this file and nsbench.error_bars.kernels.local_piece run in Python; what they call besides
-stays compiled.
+one, this file and those of the kernels that use it (local_piece, error_flow) run in Python; what
+they call besides stays compiled.
 """
 
 from collections.abc import Callable

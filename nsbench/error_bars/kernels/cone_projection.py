@@ -22,10 +22,9 @@ PULL = 1e-6  # of own speed: less of a pull at an end of an arc is part of its r
 
 
 @inner_kernel
-def _least_squares(plan, C, V, count, pushes, d, is_refined, q):
-    """Fill q (m,) with the multipliers of the rows `pushes` (m,) that make d - N^T q shortest, 0.0
-    for the others."""
-    n = len(d)
+def _solve_some(plan, C, V, count, n, pushes, g, is_refined, q):
+    """Fill q (m,) with the solution of N N^T q = g, g (m,), of the rows `pushes` (m,), 0.0 for the
+    others."""
     p = 0
     for k in range(len(C)):
         q[k] = 0.0
@@ -33,32 +32,39 @@ def _least_squares(plan, C, V, count, pushes, d, is_refined, q):
     if p == 0:
         return
     if p == len(C):
-        rates = np.empty(p)
-        for k in range(p):
-            rates[k] = times_row(C, V, count, k, d)
-        solve_gram(plan, C, V, count, n, rates, is_refined, q)
+        solve_gram(plan, C, V, count, n, g, is_refined, q)
         return
     columns = np.empty((p, C.shape[1]), np.int64)
     values = np.empty((p, C.shape[1]))
     length = np.empty(p, np.int64)
-    g = np.empty(p)
+    rates = np.empty(p)
     a = 0
     for k in range(len(C)):
         if pushes[k]:
             length[a] = count[k]
-            g[a] = times_row(C, V, count, k, d)
+            rates[a] = g[k]
             for e in range(count[k]):
                 columns[a, e] = C[k, e]
                 values[a, e] = V[k, e]
             a += 1
     found = np.empty(p)
     some = arrange(columns, length, p, n)
-    solve_gram(some, columns, values, length, n, g, is_refined, found)
+    solve_gram(some, columns, values, length, n, rates, is_refined, found)
     a = 0
     for k in range(len(C)):
         if pushes[k]:
             q[k] = found[a]
             a += 1
+
+
+@inner_kernel
+def _least_squares(plan, C, V, count, pushes, d, is_refined, q):
+    """Fill q (m,) with the multipliers of the rows `pushes` (m,) that make d - N^T q shortest, 0.0
+    for the others."""
+    g = np.empty(len(C))
+    for k in range(len(C)):
+        g[k] = times_row(C, V, count, k, d)
+    _solve_some(plan, C, V, count, len(d), pushes, g, is_refined, q)
 
 
 @inner_kernel
@@ -81,7 +87,8 @@ def _mark_wrong(C, V, count, pushes, d, q, rest, wrong):
     most = OPENS * _fill_rest(C, V, count, d, q, rest)
     found = 0
     for k in range(len(C)):
-        wrong[k] = q[k] < 0.0 or (not pushes[k] and times_row(C, V, count, k, rest) > most)
+        is_closing = not pushes[k] and times_row(C, V, count, k, rest) > most
+        wrong[k] = is_closing or not q[k] >= 0.0
         found += wrong[k]
     return found
 
@@ -201,15 +208,20 @@ def split_off_cone(
 
 
 @inner_kernel
-def _least_change(C, V, count, rates, f, v, q):
+def _least_change(plan, C, V, count, rates, f, v, q):
     """Fill v (n,) with what is nearest to f (n,) with N v + rates >= 0, and q (m,) >= 0 with
     v = f + N^T q.
 
-    A least-distance problem, solved as nonnegative least squares (Lawson & Hanson, Solving Least
-    Squares Problems, 1974, chapter 23): of rows with one more entry, what they lack at f.
+    A least-distance problem: which rows push is found by nonnegative least squares (Lawson &
+    Hanson, Solving Least Squares Problems, 1974, chapter 23), of rows with one more entry, what
+    they lack at f; their multipliers from their Gram matrix.
     """
     m, w = C.shape
     n = len(f)
+    lack = np.empty(m)
+    for k in range(m):
+        lack[k] = -rates[k] - times_row(C, V, count, k, f)
+    unit = max(largest(lack), 1e-300)  # the extended rows are then of length one to two
     columns = np.empty((m, w + 1), np.int64)
     values = np.empty((m, w + 1))
     length = np.empty(m, np.int64)
@@ -218,17 +230,17 @@ def _least_change(C, V, count, rates, f, v, q):
             columns[k, e] = C[k, e]
             values[k, e] = V[k, e]
         columns[k, count[k]] = n
-        values[k, count[k]] = -rates[k] - times_row(C, V, count, k, f)
+        values[k, count[k]] = lack[k] / unit
         length[k] = count[k] + 1
     target = np.zeros(n + 1)
     target[n] = 1.0
     pushes = np.zeros(m, np.bool_)
     rest = np.empty(n + 1)
-    plan = arrange(columns, length, m, n + 1)
-    project_off_cone(plan, columns, values, length, target, pushes, q, rest)
-    # rest[n] is one less what all rows lack, times their multipliers
+    extended = arrange(columns, length, m, n + 1)
+    project_off_cone(extended, columns, values, length, target, pushes, q, rest)
+    _solve_some(plan, C, V, count, n, pushes, lack, True, q)
     for k in range(m):
-        q[k] /= max(rest[n], 1e-300)
+        q[k] = max(q[k], 0.0)
     for i in range(n):
         v[i] = f[i]
     add_multiplied(C, V, count, m, q, v)
@@ -263,7 +275,7 @@ def constrained_velocity(
             off = abs(rates[k] - times_row(C, V, count, k, base))
             if off > PULL * max(1.0, np.sqrt(size)):
                 # walls that move apart: no v keeps all closed
-                _least_change(C, V, count, rates, f, v, q)
+                _least_change(plan, C, V, count, rates, f, v, q)
                 for a in range(len(C)):
                     pushes[a] = q[a] > 0.0
                 return

@@ -84,8 +84,7 @@ def solve_gram(
     """Fill q (m,) with the solution of (N N^T + DAMPING) q = g, for g (m,); one state.
 
     plan: of the Gram matrix (skyline_cholesky.arrange). C, V (m, w), count (m,): unit gradients in
-    n coordinates. is_refined: with one step of iterative
-    refinement against N N^T.
+    n coordinates. is_refined: with one step of iterative refinement against N N^T.
     """
     m = len(C)
     _, _, ends, _, _ = plan

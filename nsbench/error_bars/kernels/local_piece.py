@@ -51,7 +51,7 @@ from nsbench.error_bars.kernels.unit_gradients import chosen, every_row
 from nsbench.linalg.max_norm import largest
 
 OUTSIDE = 1e3 * CLOSED  # a state that violates no constraint by more counts as one of S
-SETTLED = 1e-8  # of the state: a Gauss-Newton step after which the next one is rounding
+ROUNDING = 1e-16  # of the state
 NEWTON = 6  # Gauss-Newton steps onto a curved face
 LONG = 8.0  # times the reach: a list that holds far more than what is asked for is made anew
 STIFF = 1.0  # rate of the drift times the length of a piece that is resolved
@@ -230,8 +230,8 @@ def _move_onto_faces(calls, smooth, listed, acting, t, H, X):
         at = t + QUARTERS[e] * H
         for _ in range(1 if acting.is_straight else NEWTON):
             step = step_onto_face(calls, smooth, listed, acting, at, X[e], acting.is_straight)
-            if step <= SETTLED * largest(X[e]):
-                break
+            if step * step <= ROUNDING * largest(X[e]):
+                break  # they converge quadratically: the next step is one of rounding
     return turned(X - before) if acting.is_straight else 0.0
 
 
