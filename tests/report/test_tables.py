@@ -11,7 +11,7 @@ from nsbench.case.scale import Scale
 from nsbench.problem import Affine
 from nsbench.report import assemble, data, scaling, write_report
 from nsbench.report.summary import summarise
-from nsbench.report.tables import error_table, failure_tables, reliability_tables
+from nsbench.report.tables import error_bar_table, error_table, failure_tables, reliability_tables
 from nsbench.study.describe import describe_case
 
 
@@ -125,3 +125,25 @@ def test_refusals_with_one_sentence_are_one_line_and_failures_are_one_a_method()
         ["refused", "pbd and euler", "2"],
     ]
     assert [line.solver for line in table.rows] == ["euler", "pbd", ""]
+
+
+def with_estimates(solver, *effectivities):
+    """Rows of runs of `tide` with estimates so many times their errors."""
+    return [
+        row("tide", solver, h, state_sup=h, state_norm=h, estimate_state=h * times)
+        for h, times in zip((0.1, 0.05, 0.02), effectivities, strict=True)
+    ]
+
+
+def test_the_note_of_error_bars_names_the_methods_whose_estimates_are_too_small():
+    """No warning stands in the rows themselves: a reader would believe an estimate of 1e-9."""
+    rows = with_estimates("pbd", 1.1, 1.2, 1.3) + with_estimates("catching_up", 1.5, 0.25, 1e-9)
+    table = error_bar_table.error_bar_table(summarise(data.read(rows)))
+    said = "2 of 6 estimates of the state are below the error: catching_up on tide (down to 1e-9"
+    assert said in table.note and "pbd on" not in table.note
+    kinds = [r.cells[4].kind for r in table.rows]
+    assert kinds == ["number", "bad"]
+    table = error_bar_table.error_bar_table(summarise(data.read(rows[:3])))
+    assert "None of 3 estimates of the state is below the error." in table.note
+    table = error_bar_table.error_bar_table(summarise(data.read([row("tide", "pbd", 0.1)])))
+    assert "estimates of the state" not in table.note
