@@ -15,6 +15,7 @@ from nsbench.error_bars.kernels.cone_projection import constrained_velocity
 from nsbench.error_bars.kernels.cubic import fill_moved, fill_scaled
 from nsbench.error_bars.kernels.gram import shortest
 from nsbench.error_bars.kernels.unit_gradients import (
+    UNPLANNED,
     Constraints,
     Rows,
     chosen,
@@ -203,13 +204,14 @@ def closed_at_start(
 
     What is closed up to CLOSED on flat faces is closed up to rounding: y moves there.
     """
-    every = every_row(listed.scene, listed.columns, listed.count, 0)
+    every = every_row(listed.scene, listed.columns, listed.count, UNPLANNED)
     closed = every
     for _ in range(REPAIRS):
         gaps_at(calls, smooth, listed, every, t, y, gaps)
         closed = chosen(listed.scene, every, gaps <= CLOSED, len(y))
         if len(closed.at) == 0 or not closed.is_straight:
             break
-        if step_onto_face(calls, smooth, listed, closed, t, y, True) <= CLOSED / 8.0:
+        is_straight = closed.is_straight  # no literal
+        if step_onto_face(calls, smooth, listed, closed, t, y, is_straight) <= CLOSED / 8.0:
             break
     return closed

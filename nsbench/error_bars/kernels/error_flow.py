@@ -8,7 +8,7 @@ from nsbench.compilation.decorators import inner_kernel, njit
 from nsbench.error_bars.kernels.case_rows import Calls, Listed, drift_at, rows_at
 from nsbench.error_bars.kernels.cubic import fill_moved, fill_scaled, norm
 from nsbench.error_bars.kernels.gram import add_multiplied, shortest, times_row
-from nsbench.error_bars.kernels.unit_gradients import every_row
+from nsbench.error_bars.kernels.unit_gradients import UNPLANNED, every_row
 
 NUDGE = 2.0**-20  # of own length, for differences of drifts and normals
 
@@ -108,7 +108,7 @@ def carry_error(
     at = t + 0.5 * H
     rate = np.empty(n)
     _drifted(calls, at, states[0], delta, rate)
-    rows = every_row(acting.scene, acting.columns, acting.count, 0)
+    rows = every_row(acting.scene, acting.columns, acting.count, UNPLANNED)
     if len(rows.at) > 0 and not rows.is_straight:
         _add_turning(calls, smooth, acting, rows, at, states[0], q, delta, rate)
     _grow(H, rate, delta, new)

@@ -47,7 +47,7 @@ from nsbench.error_bars.kernels.cubic import (
     turned,
     upper_mean,
 )
-from nsbench.error_bars.kernels.unit_gradients import chosen, every_row
+from nsbench.error_bars.kernels.unit_gradients import UNPLANNED, chosen, every_row
 from nsbench.linalg.max_norm import largest
 
 OUTSIDE = 1e3 * CLOSED  # a state that violates no constraint by more counts as one of S
@@ -60,6 +60,8 @@ CLOSING = 45  # bits of a piece to which the time is known at which a gap closes
 RELEASE = 20  # and at which a multiplier vanishes, which needs less: the motion has no kink there
 MIDDLE = 2  # of QUARTERS
 LAST = 4
+SECOND = 2  # of the slopes of a step: at its second stage
+END = 4  # and at its end
 LOOKS = 16  # places of a piece where a gap may be found closed
 
 
@@ -94,24 +96,21 @@ def _take_step(calls, smooth, listed, closed, pushes, t, h, y, v, powers):
     fast the drift draws neighbouring states together, as two stages of the step show it (Hairer &
     Wanner, Solving ODEs II, 1996, IV.2).
     """
-    b = np.empty(len(y))
-    c = np.empty(len(y))
-    d = np.empty(len(y))
     x = np.empty(len(y))
-    last_v = np.empty(len(y))
     q = np.empty(len(closed.at))
-    middle = t + 0.5 * h
-    fill_moved(y, 0.5 * h, v, x)
-    velocity_at(calls, smooth, listed, closed, pushes, middle, x, b, q)
-    fill_moved(y, 0.5 * h, b, x)
-    velocity_at(calls, smooth, listed, closed, pushes, middle, x, c, q)
-    fill_moved(y, h, c, x)
-    velocity_at(calls, smooth, listed, closed, pushes, t + h, x, d, q)
-    fill_runge_kutta(y, h, v, b, c, d, x)
-    velocity_at(calls, smooth, listed, closed, pushes, t + h, x, last_v, q)
-    fill_powers(y, h, v, x, last_v, powers)
-    apart = 0.5 * h * distance(b, v)
-    return distance(c, b) / apart if apart > 0.0 else 0.0
+    slopes = np.empty((5, len(y)))
+    fill_scaled(v, 1.0, slopes[0])
+    for k in range(1, 5):
+        if k < 4:
+            share = 0.5 if k < 3 else 1.0
+            fill_moved(y, share * h, slopes[k - 1], x)
+        else:
+            share = 1.0
+            fill_runge_kutta(y, h, slopes, x)
+        velocity_at(calls, smooth, listed, closed, pushes, t + share * h, x, slopes[k], q)
+    fill_powers(y, h, v, x, slopes[END], powers)
+    apart = 0.5 * h * distance(slopes[1], v)
+    return distance(slopes[SECOND], slopes[1]) / apart if apart > 0.0 else 0.0
 
 
 @inner_kernel
@@ -172,8 +171,8 @@ def _open_contacts(listed, gaps, powers):
         for k in range(len(gaps)):
             is_distance = contacts.kind[k] == PAIR or contacts.kind[k] == ANCHOR
             is_open[k] &= gaps[k] <= (near if is_distance else far)
-    every = every_row(listed.scene, listed.columns, listed.count, 0)
-    return chosen(listed.scene, every, is_open, 0)
+    every = every_row(listed.scene, listed.columns, listed.count, UNPLANNED)
+    return chosen(listed.scene, every, is_open, UNPLANNED)
 
 
 @inner_kernel
@@ -187,7 +186,7 @@ def _closing(calls, smooth, listed, rows, powers, t, h):
         fill_state(powers, high, x)
         gaps_at(calls, smooth, listed, rows, t + high * h, x, g)
         # a gap that is not a number closes at once
-        late = chosen(listed.scene, rows, ~(g >= 0.0), 0)
+        late = chosen(listed.scene, rows, ~(g >= 0.0), UNPLANNED)
         if len(late.at) == 0:
             continue
         g = np.empty(len(late.at))
@@ -376,7 +375,7 @@ def follow_piece(
     share = min(1.0, _closing(calls, smooth, listed, is_open, powers, t, h))
     if listed.is_flat:
         # a contact that is closed at the start and does not act opens, and may close again
-        resting = chosen(listed.scene, closed, ~(q > 0.0), 0)
+        resting = chosen(listed.scene, closed, ~(q > 0.0), UNPLANNED)
         share = _violation(calls, smooth, listed, resting, powers, share, t, h)
     jump = distance(y, start)
     is_cut = share * h < dt

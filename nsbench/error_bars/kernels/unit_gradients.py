@@ -10,6 +10,9 @@ from nsbench.dynamics.contacts.kernels.contact_arrays import PAIR, ROW, SMOOTH, 
 from nsbench.linalg.skyline_cholesky import EnvelopePlan, arrange
 
 
+UNPLANNED = np.int64(0)  # for n of `chosen`; a literal would compile a second version of it
+
+
 class Constraints(NamedTuple):
     """Contacts, m of them, and the affine rows of their scene.
 
