@@ -84,7 +84,8 @@ def _pointer(factory, signature, make, make_scaled=None):
     except (NumbaError, NotImplementedError) as e:
         raise CompileError(_reason(str(e))) from None
     except Exception as e:  # numba's code generator stops with errors of any kind
-        if function is None:  # of the factory, which is the user's own
+        # those of the factory, which is the user's own, and of the machine are none of numba's
+        if function is None or isinstance(e, (OSError, MemoryError)):
             raise
         raise CompileError(f"numba stops with {type(e).__name__}: {_reason(str(e))}") from None
 

@@ -249,3 +249,15 @@ def test_threads_do_not_change_the_name(monkeypatch):
         assert cfunc_cache.name_of(float64(float64), "threads", function) == name
     monkeypatch.setattr(config, "OPT", 1)
     assert cfunc_cache.name_of(float64(float64), "threads", function) != name
+
+
+@pytest.mark.parametrize("error", [OSError("no space is left"), MemoryError()])
+def test_an_error_of_the_machine_is_not_said_to_be_of_the_drift(home, monkeypatch, error):
+    """A drift that only failed to be stored or compiled for want of room can be compiled."""
+
+    def compiled(*_):
+        raise error
+
+    monkeypatch.setattr(cfunc_cache, "compiled", compiled)
+    with pytest.raises(type(error)):
+        value(turning(1.9))

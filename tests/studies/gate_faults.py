@@ -9,7 +9,8 @@ gate_suite.py is run and calibrated on the unbroken copy, then run with every fa
 against the unbroken one's baseline by `nsbench gate`; a fault is caught where that exits with 1 or
 4, or ends in an error of its own or not at all. A fault in the gate itself is caught as well where
 calibration and baseline of one method come out otherwise. Drawn faults (drawn_faults.py, with its
-seed) can lie in code that the suite never runs. A fault is looked for in the runs of the methods
+seed) can lie in code that the suite never runs: of those that the gate does not see, the quick
+tests that import the file tell whether they do. A fault is looked for in the runs of the methods
 that import its file, or of all. --clean N runs the unbroken suite N times beside processes that
 keep every core busy (--busy: so many of them), and counts those that the gate does not let pass.
 WORD: only faults whose names hold one of them. Exit status 1 if a named fault went unseen, no
@@ -29,11 +30,12 @@ from pathlib import Path
 from copies import broken_in, copy, is_kernel
 from drawn_faults import SEED, drawn
 from gate_suite import METHODS
-from imports import reached
+from imports import reached, tests_of
 from mutations import SWEEP
 
 HERE = Path(__file__).parent
 HANGS = 600  # seconds: a fault can make a loop endless
+TESTS = 3 * HANGS  # of all quick tests of a file, which may compile kernels
 NO_END = 124  # exit status of what was ended then, as that of timeout(1)
 ONE = ("tide", "pbd")  # case and method for which the gate itself is tried
 FAULTS = {
@@ -214,9 +216,28 @@ def attempt(folder, path, replacements, one, kernels=None) -> tuple[int, str]:
     return status, (said.strip().splitlines() or ["nothing"])[-1]
 
 
+def failing(folder, tests, kernels=None) -> list[str]:
+    """The quick tests of some files that fail in a copy."""
+    options = ("-m", "pytest", "-q", "-n0", "-p", "no:cacheprovider", "-m", "not long")
+    said = python(folder, *options, *tests, kernels=kernels, seconds=TESTS)[1]
+    failed = [x for x in said.splitlines() if x.startswith(("FAILED", "ERROR"))]
+    return [x.partition(" ")[2].partition(" - ")[0] for x in failed]
+
+
+def failing_by(folder, replacements) -> list[str]:
+    """The quick tests that import the files and fail with a fault, but not without it."""
+    files = [file for file, _, _ in replacements]
+    tests = dict.fromkeys(t for file in files for t in tests_of(file))
+    anyway = failing(folder, tests)
+    with tempfile.TemporaryDirectory() as scratch, broken_in(folder, *replacements):
+        kernels = scratch if any(map(is_kernel, files)) else None
+        return [t for t in failing(folder, tests, kernels) if t not in anyway]
+
+
 def faults(folder, chosen, path, seed, one) -> int:
-    """How many named faults went unseen; drawn ones are told apart."""
+    """How many named faults went unseen by the gate; drawn ones are told apart."""
     unseen = {"named": [], "drawn": []}
+    by_test = 0
     told = 0
     both = {name: ("named", fault) for name, fault in FAULTS.items()}
     both |= {name: ("drawn", fault) for name, fault in drawn(seed, folder).items()}
@@ -231,16 +252,19 @@ def faults(folder, chosen, path, seed, one) -> int:
             status = 0
             said = str(e)
         told += 1
+        tests = []
         if status == 0:
             unseen[source].append(name)
+            tests = failing_by(folder, replacements)
+            by_test += bool(tests)
         print(
             f"{name:34} {'caught' if status else 'NOT SEEN'}: gate {status} {said} "
-            f"[{time.perf_counter() - began:.0f} s]",
+            f"[{time.perf_counter() - began:.0f} s]{''.join(f'; fails: {t}' for t in tests[:1])}",
             flush=True,
         )
     print(
-        f"{told} faults; not seen: {len(unseen['named'])} named, {len(unseen['drawn'])} drawn with "
-        f"seed {seed}"
+        f"{told} faults; not seen by the gate: {len(unseen['named'])} named, "
+        f"{len(unseen['drawn'])} drawn with seed {seed}; {by_test} of them by quick tests"
     )
     return len(unseen["named"])
 

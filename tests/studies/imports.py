@@ -42,3 +42,23 @@ def reached(file: str, root: Path = ROOT) -> set[str]:
             out.add(other)
             todo.append(other)
     return out
+
+
+def tests_of(file: str) -> list[str]:
+    """Return the test files that import a file of the package, or the nearest ones that do so
+    through others, and those of the folder that bears the name of its room."""
+    tests = [p.relative_to(ROOT).as_posix() for p in sorted((ROOT / "tests").rglob("test_*.py"))]
+    sources = [p.relative_to(ROOT).as_posix() for p in sorted((ROOT / "nsbench").rglob("*.py"))]
+    level = {file}
+    seen = set(level)
+    folders = file.split("/")[1:-1]
+    near = [t for t in tests if t.split("/")[1:-1] == folders[: t.count("/") - 1]]
+    deepest = max((t.count("/") for t in near), default=0)
+    of_room = [t for t in near if t.count("/") == deepest > 1]
+    while level:
+        found = [t for t in tests if imported(t) & level]
+        if found:
+            return list(dict.fromkeys(found + of_room))
+        level = {s for s in sources if imported(s) & level} - seen - {"nsbench/__init__.py"}
+        seen |= level
+    return of_room

@@ -34,7 +34,7 @@ from covering_tests import CoveringTests, make_map
 from drawn_faults import ROOMS, changed, mutants, named
 from equivalent_faults import reason
 from gate_faults import attempt, baseline, baseline_of_one, suite, whole_copy
-from imports import imported
+from imports import tests_of
 
 SLOWER = 2.0  # times the seconds of the unbroken tests, after which a mutant is said to hang
 START = 30.0  # seconds more, of a process that starts
@@ -46,26 +46,6 @@ LONG = "long"
 STAGES = ("tests", "gate", "long")
 PYTEST = ("-m", "pytest", "-q", "-n0", "-p", "no:cacheprovider")
 NO_TESTS = 5  # what pytest exits with where none was chosen
-
-
-def tests_of(file: str) -> list[str]:
-    """Return the test files that import a file of the package, or the nearest ones that do so
-    through others, and those of the folder that bears the name of its room."""
-    tests = [p.relative_to(ROOT).as_posix() for p in sorted((ROOT / "tests").rglob("test_*.py"))]
-    sources = [p.relative_to(ROOT).as_posix() for p in sorted((ROOT / "nsbench").rglob("*.py"))]
-    level = {file}
-    seen = set(level)
-    folders = file.split("/")[1:-1]
-    near = [t for t in tests if t.split("/")[1:-1] == folders[: t.count("/") - 1]]
-    deepest = max((t.count("/") for t in near), default=0)
-    of_room = [t for t in near if t.count("/") == deepest > 1]
-    while level:
-        found = [t for t in tests if imported(t) & level]
-        if found:
-            return list(dict.fromkeys(found + of_room))
-        level = {s for s in sources if imported(s) & level} - seen - {"nsbench/__init__.py"}
-        seen |= level
-    return of_room
 
 
 class Bench:
