@@ -1,7 +1,7 @@
 """Execute a planned study: run what has no row yet, and write its folder of results.
 
 Rows whose key is known are reused, the other runs are made by workers of this machine or of a Dask
-cluster, each row is journalled as it comes; then the tables, the pictures and the report are
+cluster, rows are journalled as they come; then the tables, the pictures and the report are
 written.
 """
 
@@ -202,12 +202,19 @@ def _run(todo, keys, recorder, rows, args, say, cases, out) -> set[tuple[str, st
     outputs = Outputs(out / "output", keys)
 
     def on_row(spec: Spec, row: dict) -> None:
-        first = keys[spec] not in rows
-        row = recorder.row(spec, as_read(row | {"session": session}))
-        rows[keys[spec]] = row
-        if first:
-            outputs.remove_old(spec)
-            bar.step(spec, row)
+        recorder.add(spec, as_read(row | {"session": session}))
+
+    def write_rows(at_once: bool = False) -> None:
+        for spec, row in recorder.write(at_once):
+            first = keys[spec] not in rows
+            rows[keys[spec]] = row
+            if first:
+                outputs.remove_old(spec)
+                bar.step(spec, row)
+
+    def write_row(spec: Spec, row: dict) -> None:
+        on_row(spec, row)
+        write_rows(at_once=True)
 
     (out / "figures").mkdir(exist_ok=True)
     try:
@@ -218,7 +225,7 @@ def _run(todo, keys, recorder, rows, args, say, cases, out) -> set[tuple[str, st
                 batches,
                 args.dask,
                 args.timeout,
-                on_row,
+                write_row,
                 args.memory,
                 outputs.write,
                 recorder.parts,
@@ -232,10 +239,14 @@ def _run(todo, keys, recorder, rows, args, say, cases, out) -> set[tuple[str, st
             _chores(cases, out, keys),
             memory_limit=args.memory,
             on_output=outputs.write,
+            on_pause=write_rows,
         )
         return {chore.args[:2] for chore in chores_done}
     finally:
-        bar.end()
+        try:
+            write_rows(at_once=True)
+        finally:
+            bar.end()
 
 
 class Outputs:

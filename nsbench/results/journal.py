@@ -155,20 +155,25 @@ class Journal:
                 if writer and left.is_file() and not (writer[1] and _alive(int(writer[1]))):
                     left.unlink(missing_ok=True)
 
-    def append(self, key: str, row: dict, parts: Iterable[Part] = ()) -> None:
-        """Append and sync the row of a run with the digests of the parts of its key.
+    def append(self, key: str, row: dict, parts: tuple[Part, ...] = ()) -> None:
+        """Append and sync the row of a run with the digests of the parts of its key."""
+        self.append_all([(key, row, parts)])
+
+    def append_all(self, entries: list[tuple[str, dict, tuple[Part, ...]]]) -> None:
+        """Append the rows of some runs, each as (key, row, parts of the key), and sync once.
 
         The items of a part are written once, before the first such row. Raises StoreError if that
         fails; the journal is then as it was.
         """
-        lines = [
-            {"schema": SCHEMA, "part": p.digest, "items": dict(p.items)}
-            for p in parts
-            if p.digest not in self._parts_written
-        ]
-        lines.append(
-            {"schema": SCHEMA, "key": key, "parts": [p.digest for p in parts], "row": clean(row)}
-        )
+        lines = []
+        new: set[str] = set()
+        for key, row, parts in entries:
+            digests = [p.digest for p in parts]
+            for p in parts:
+                if p.digest not in self._parts_written | new:
+                    lines.append({"schema": SCHEMA, "part": p.digest, "items": dict(p.items)})
+                    new.add(p.digest)
+            lines.append({"schema": SCHEMA, "key": key, "parts": digests, "row": clean(row)})
         size = os.fstat(self._file).st_size
         try:
             left = memoryview(b"".join(map(_sealed, lines)))
@@ -181,7 +186,7 @@ class Journal:
             raise StoreError(
                 f"cannot write {self.path}: {e.strerror}; what was finished before is kept"
             ) from None
-        self._parts_written |= {p.digest for p in parts}
+        self._parts_written |= new
 
     def close(self) -> None:
         """Close the file and release its lock."""

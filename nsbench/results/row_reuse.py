@@ -13,6 +13,7 @@ not kept, whatever its key: a process that a run has forked, say, can answer in 
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
@@ -29,6 +30,8 @@ READ = "read "  # begins the names of items that runs have read; what follows is
 CHANGED_DURING_RUN = "changed while it ran"
 CASE = "case"
 ANOTHER_RUN = "The worker sent the row of another run"
+# seconds: rows that come within this time are looked at and synced together
+TOGETHER = 0.25
 
 
 def reusable_rows(
@@ -127,8 +130,9 @@ def _data_read(out: Path) -> dict[str, dict[str, str]]:
 class RowRecorder:
     """Write the rows of one study to its journal, each under its key where it is certain.
 
-    on_this_machine: the rows are made by workers that read what lies here; elsewhere a worker
-    itself compares what it reads.
+    Rows that come within TOGETHER share one look at the files and one sync: a file that is
+    unchanged after them was so when they were made. on_this_machine: the rows are made by workers
+    that read what lies here; elsewhere a worker itself compares what it reads.
     """
 
     def __init__(
@@ -145,21 +149,54 @@ class RowRecorder:
         self.cases = cases
         self.on_this_machine = on_this_machine
         self.uncertain: dict[Spec, list[str]] = {}  # and the files that changed
+        self.waiting: list[tuple[Spec, dict]] = []
+        self.since = 0.0
+
+    def add(self, spec: Spec, row: dict) -> None:
+        """Let a row wait for those that come within TOGETHER."""
+        if not self.waiting:
+            self.since = time.monotonic()
+        self.waiting.append((spec, row))
+
+    def write(self, at_once: bool = False) -> list[tuple[Spec, dict]]:
+        """Write and sync the rows that wait, if they have waited for TOGETHER or at once.
+
+        Returns the written ones as they are to be shown. Raises StoreError; none waits then.
+        """
+        if not self.waiting or not (at_once or time.monotonic() - self.since >= TOGETHER):
+            return []
+        waiting = self.waiting
+        self.waiting = []
+        watched = {spec: self._watched(spec) for spec, _ in waiting}
+        changed = set(file_state.changed_files(set().union(*watched.values())))
+        entries = [self._entry(spec, row, changed & watched[spec]) for spec, row in waiting]
+        self.journal.append_all(entries)
+        return [(spec, entry[1]) for (spec, _), entry in zip(waiting, entries, strict=True)]
 
     def row(self, spec: Spec, row: dict) -> dict:
         """Write and sync a row; return it as it is to be shown."""
+        self.add(spec, row)
+        return self.write(at_once=True)[-1][1]
+
+    def _watched(self, spec: Spec) -> set[str]:
+        """Return the files of this machine that count for a run."""
+        if not self.on_this_machine:
+            return set()
+        return set(run_key.dependency_files(spec, self.cases[spec.case, spec.file]))
+
+    def _entry(self, spec: Spec, row: dict, files: set[str]) -> tuple[str, dict, tuple[Part, ...]]:
+        """Return the journal's entry of a row; files: those that count for it and have changed."""
         read = row.pop("read", None) or {}
         if mismatch := row_mismatch(spec, row):
             sent = row
             row = lost_run_row(spec, "crashed", f"{ANOTHER_RUN}: {mismatch}.")
             row |= {name: sent[name] for name in ("session", "shared") if name in sent}
             read = {}
-        changed = self._changed(spec, read)
+        changed = [*sorted({Path(f).name for f in files}), *changed_inputs(spec, read)]
         parts = self.parts[spec]
         if not changed:
             more = (Part.of({READ + k: v for k, v in read.items()}),) if read else ()
-            self.journal.append(self.keys[spec], row, parts + more)
-            return row
+            return self.keys[spec], row, parts + more
         self.uncertain[spec] = changed
         names = ", ".join(changed)
         if row["status"] in ("ok", "below_reference"):
@@ -168,19 +205,8 @@ class RowRecorder:
                 "why": f"{names} changed while runs were made: with which text this "
                 "one was made cannot be told. The next call makes it again.",
             }
-        self.journal.append(
-            f"{CHANGED_DURING_RUN}: {self.keys[spec]}",
-            row,
-            (Part.of({CHANGED_DURING_RUN: names}),),
-        )
-        return row
-
-    def _changed(self, spec: Spec, read: dict[str, str]) -> list[str]:
-        files: Iterable[str] = ()
-        if self.on_this_machine:
-            watched = run_key.dependency_files(spec, self.cases[spec.case, spec.file])
-            files = file_state.changed_files(watched)
-        return [*dict.fromkeys(Path(f).name for f in files), *changed_inputs(spec, read)]
+        key = f"{CHANGED_DURING_RUN}: {self.keys[spec]}"
+        return key, row, (Part.of({CHANGED_DURING_RUN: names}),)
 
     def report(self, say: Callable[[str], None]) -> None:
         """Say which files changed while runs were made, and how many rows are unverified."""

@@ -242,9 +242,9 @@ def whole(args):
 def command(args):
     marks = {args.runs // 10: 0, args.runs: 0}
     count = [0]
-    plain = row_reuse.RowRecorder.row
+    plain = row_reuse.RowRecorder.add
 
-    def row(entries, spec, found):
+    def add(entries, spec, found):
         count[0] += 1
         if count[0] in marks:
             marks[count[0]] = resident()
@@ -255,7 +255,7 @@ def command(args):
             )
         return plain(entries, spec, found)
 
-    row_reuse.RowRecorder.row = row
+    row_reuse.RowRecorder.add = add
     print(f"       0 runs: {resident() / 1e6:.1f} MB resident; {load()}", flush=True)
     start = time.perf_counter()
     given = argparse.Namespace(

@@ -57,6 +57,7 @@ def run_all(
     threads: int = 1,
     memory_limit: int | None = None,
     on_output: OnOutput = lambda spec, text: None,
+    on_pause: Callable[[], None] = lambda: None,
 ) -> list[Chore]:
     """Run all batches on `jobs` workers, then the chores; returns the chores that were done.
 
@@ -64,7 +65,8 @@ def run_all(
     for a run that is repeated for its times; threads: of every library in each worker;
     memory_limit:
     bytes that a worker may use (None: its share of the machine); on_output is called with what a
-    run has printed, if anything, before on_row. A signal that stops the program takes effect
+    run has printed, if anything, before on_row; on_pause is called between the rows, and every
+    SECONDS_BETWEEN_CHECKS where none comes. A signal that stops the program takes effect
     between two rows: the workers are stopped and KeyboardInterrupt passes on.
     """
     batches = [b[k : k + MAX_BATCH] for b in batches for k in range(0, len(b), MAX_BATCH)]
@@ -86,6 +88,7 @@ def run_all(
                 pool.start_workers(jobs)
                 pool.receive()
                 pool.enforce_limits()
+                on_pause()
         finally:
             pool.stop()
     return pool.chores_done
