@@ -48,7 +48,7 @@ from nsbench.report.tables.reliability_tables import (
     expected_table,
     references_table,
 )
-from nsbench.report.verdict import compare_speeds, write_headline, write_verdict
+from nsbench.report.verdict import write_headline, write_verdict
 
 MAX_NOTES = 3  # of one method on one case: most differ in their numbers only
 TAKEN_PREFIXES = ("scene_", "cost_", "study-", "orders-", "errors-", "runs-")  # of ids and files
@@ -188,7 +188,7 @@ def assemble_content(data: Data, drawn: Figures) -> Content:
         clock_table(data),
     ]
     lede = ", ".join(filter(None, (counts_line(s), *_where(data.env))))
-    factors = tuple(compare_speeds(data)) or (
+    factors = tuple(cost.compare_speeds(data)) or (
         "No two methods reached the same error with loops of one kind.",
     )
     notes = {case: write_case_notes(data, case, s) for case in data.case_keys}

@@ -10,20 +10,30 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from nsbench.measure.clock import LONG
 from nsbench.report.data import Data, Runs
-from nsbench.report.style import LEADING_METHOD, format_number, format_seconds, method_of
+from nsbench.report.style import (
+    LEADING_METHOD,
+    format_count,
+    format_factor,
+    format_number,
+    format_power,
+    format_seconds,
+    join_names,
+    method_of,
+)
 from nsbench.report.summary import Summary
 
 TARGETS = (1e-2, 1e-3, 1e-4, 1e-6)  # state errors at which methods are compared
 MOST_WIDTH = 0.2  # of an order: a wider interval tells no step
 LEAST_ORDER = 0.1  # errors that hardly fall with h, or not at all, tell no step either
 LEAST_RELATIVE = 1e-12  # of the size of a quantity: errors below it are not extrapolated to
+TALK_FACTOR = 100  # of stepping with an inner QP over PBD, as the talk has it
 WORK_COLUMNS = ("drift_calls", "projections", "inner_iterations")
 
 
@@ -319,3 +329,48 @@ def step_for_violation(runs: Runs, target: float) -> Cost | None:
 def find_qp_methods(data: Data) -> set[str]:
     """List the methods that solve a QP in each step ("time-stepping with inner QP solver")."""
     return {s for (_, s), r in data.runs.items() if np.any(r.col["qp_solves"] > 0)}
+
+
+def compare_speeds(data: Data) -> Iterator[str]:
+    """Report factors over PBD at equal error, and whether the talk's factor of 100 was reached.
+
+    Yields one sentence per method, one on the methods that cannot be compared, and one on the talk.
+    """
+    qp_methods = find_qp_methods(data)
+    ratios = {}
+    not_comparable = set()
+    for case in data.case_keys:
+        for target in TARGETS:
+            found = rank_costs(data, case, target)
+            base = select_baseline(found)
+            for c in found:
+                if base is None or c.solver == base.solver:
+                    continue
+                r = ratio_of_seconds(c, base)
+                if r is None and c.loop != base.loop:
+                    not_comparable.add(c.solver)
+                elif r is not None:
+                    ratios.setdefault(c.solver, []).append((r, case, target))
+    for solver, group in ratios.items():
+        values = [r for r, _, _ in group]
+        yield (
+            f"{solver} takes {format_factor(float(np.median(values)))} times the seconds of "
+            f"{LEADING_METHOD} (median of {format_count(len(values), 'comparison')}; "
+            f"{format_factor(min(values))} to {format_factor(max(values))})."
+        )
+    not_comparable -= set(ratios)
+    if not_comparable:
+        yield (
+            f"Seconds of {join_names(sorted(not_comparable))} are not compared with "
+            f"{LEADING_METHOD}: their loops are of another kind, or their coarsest run was already "
+            "better."
+        )
+    gains = [g for solver in qp_methods for g in ratios.get(solver, [])]
+    if gains:
+        top, case, target = max(gains)
+        seen = "was seen" if top >= TALK_FACTOR else "was not seen"
+        yield (
+            f"The talk's factor of 100 over stepping with an inner QP {seen} at equal error: at "
+            f"most {format_factor(top)} times ({case} at {format_power(target)}), at least "
+            f"{format_factor(min(gains)[0])}."
+        )

@@ -1,5 +1,7 @@
 """The page in a browser without network: it draws, answers, and says nothing on the console."""
 
+import re
+
 import pytest
 from report_rows import CASES, ENV, SOLVERS, made
 
@@ -119,13 +121,15 @@ def test_ranking_counts_what_the_static_table_counts(page):
     static = {}
     for row in page.locator("#t-ranking tbody tr").all():
         cells = row.locator("td").all_text_contents()
-        reached, cheapest = cells[2].split("reached on ")[1].split("cheapest on ")
-        static[cells[0]] = int(reached), int(cheapest)
+        reached, cheapest = re.fullmatch(r"reached on (\d+)\s*(.+)", cells[2]).groups()
+        static[cells[0]] = int(reached), cheapest.removeprefix("cheapest on ")
     live = {}
     for row in page.locator("#t-answer tbody tr").all():
-        reached, cheapest = (row.locator("td").nth(k).inner_text().split()[0] for k in (1, 2))
-        live[row.get_attribute("data-method")] = int(reached), int(cheapest)
+        reached, cheapest = (row.locator("td").nth(k).inner_text() for k in (2, 3))
+        counts = int(reached.split()[0]), cheapest.partition(" (+")[0]
+        live[row.get_attribute("data-method")] = counts
     assert live and all(static[name] == counts for name, counts in live.items())
+    assert "not compared" in {cheapest for _, cheapest in live.values()}
 
 
 def test_multipliers_without_an_order_are_told_by_their_errors(page):
@@ -133,8 +137,29 @@ def test_multipliers_without_an_order_are_told_by_their_errors(page):
         row.get_attribute("data-method"): row.locator("td").last.inner_text()
         for row in page.locator("#t-answer tbody tr").all()
     }
-    assert said["event_driven"].startswith("errors to ")
+    assert said["event_driven"].startswith("no order, errors ")
     assert said["pbd"].startswith("order ")
+
+
+def test_an_error_below_the_floor_of_its_reference_is_said_to_be_below_it(page):
+    row = page.locator("#t-answer tbody tr[data-method=event_driven] td").last
+    assert row.inner_text().startswith("no order, errors ≤ ")
+    page.evaluate(
+        "nsbench.data.pairs.filter((p) => p.accuracy === 'tol').forEach((p) => p.floors.force = 2)"
+    )
+    page.evaluate("answer.draw()")
+    assert row.inner_text() == "no order, errors < 2"
+
+
+@pytest.mark.parametrize(
+    ("word", "found"), [("discs[n=30]", 2), ("discs[seed=1]", 1), ("discs[seed=1,n=30]", 1)]
+)
+def test_a_case_is_found_by_some_of_its_parameters(page, word, found):
+    """The cases are discs[n=30,seed=0] and discs[n=30,seed=1], among others."""
+    page.fill("#answer-words", word)
+    assert page.locator("#t-answer-cases tbody tr").count() == found
+    page.fill("#answer-words", "discs[n=3]")
+    assert page.inner_text("#answer-sentence") == "No case matches."
 
 
 def test_error_bars_stand_over_the_errors_of_their_runs(page):

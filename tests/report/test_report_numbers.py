@@ -148,7 +148,7 @@ def test_the_factor_of_100_is_computed_from_the_rows(times, said):
             )
             for h in STEPS
         ]
-    told = " ".join(verdict.compare_speeds(data.read(rows)))
+    told = " ".join(speed.compare_speeds(data.read(rows)))
     assert f"{said} at equal error" in told and f"takes {style.format_factor(times)} times" in told
 
 

@@ -5,6 +5,15 @@ const answer = {
   SHIFT: 1e-3, // seconds added before the logarithm: runs below it count alike
   PENALTY: 10, // an error not reached costs so many times the slowest method that reaches it
 
+  // Does a word name a case? name[p=v] names all whose name and those parameters are the same.
+  names(word, name) {
+    const parts = /^([^[\]]+)\[([^\]]*)\]$/;
+    const [asked, found] = [word.match(parts), name.toLowerCase().match(parts)];
+    const given = found ? found[2].split(",") : [];
+    return asked && found && asked[1] === found[1]
+      && asked[2].split(",").every((parameter) => given.includes(parameter));
+  },
+
   // Pairs of the cases chosen by class and words.
   selection() {
     const group = document.getElementById("answer-group").value;
@@ -13,7 +22,8 @@ const answer = {
     const cases = new Set();
     data.cases.forEach((one, k) => {
       const text = [one.name, one.group, ...one.tags].join(" ").toLowerCase();
-      const fits = words.filter(Boolean).every((word) => text.includes(word));
+      const fits = words.filter(Boolean)
+        .every((word) => text.includes(word) || answer.names(word, one.name));
       if (fits && (!group || one.group === group)) {
         cases.add(k);
       }
@@ -56,7 +66,7 @@ const answer = {
         failed: 0,
         tried: 0,
         orders: [],
-        errors: [], // least errors of multipliers that have no order
+        errors: [], // least errors of multipliers that have no order, and are they below a floor
         accuracy: pair.accuracy,
       };
       rows.set(pair.m, row);
@@ -66,7 +76,9 @@ const answer = {
         row.orders.push(pair.orders.force[0]);
       } else {
         const known = pair.force.filter((error) => error !== null);
-        row.errors.push(...(known.length ? [Math.min(...known)] : []));
+        const floor = pair.floors.force ?? 0;
+        const least = known.length ? [Math.min(...known)] : [];
+        row.errors.push(...least.map((v) => [Math.max(v, floor), v < floor ? "< " : ""]));
       }
       row.reached += pair.cost[k] ? 1 : 0;
       const cost = answer.timed(pair, k);
@@ -78,8 +90,8 @@ const answer = {
         row.ties += first.method !== pair.m && cost[1] !== null && cost[1] <= first.cost[2] ? 1 : 0;
         row.logs.set(pair.c, Math.log(cost[0] + answer.SHIFT));
         row.factors.push(cost[0] / first.cost[0]);
-        row.steps.push(cost[3]);
       }
+      row.steps.push(...(pair.cost[k] ? [pair.cost[k][3]] : []));
     }
     for (const row of rows.values()) {
       let sum = 0;
@@ -99,10 +111,14 @@ const answer = {
     return sorted.length ? sorted[Math.floor((sorted.length - 1) / 2)] : null;
   },
 
-  // Orders of the multipliers; of methods without one, as event location, their errors.
+  // Orders of the multipliers; of methods without one, as event location, the largest error.
   multipliers({ orders: values, errors }) {
+    if (!values.length && !errors.length) {
+      return "no verdict";
+    }
     if (!values.length) {
-      return errors.length ? `errors to ${nsbench.format(Math.max(...errors))}` : "no verdict";
+      const [largest, below] = errors.reduce((a, b) => (b[0] > a[0] ? b : a));
+      return `no order, errors ${below || "≤ "}${nsbench.format(largest)}`;
     }
     const [low, high] = [Math.min(...values).toFixed(2), Math.max(...values).toFixed(2)];
     return low === high ? `order ${low}` : `order ${low} to ${high}`;
@@ -164,9 +180,9 @@ const answer = {
         const line = nsbench.make("tr", { "data-method": nsbench.data.methods[row.method].name });
         line.append(
           nsbench.make("td", { class: "method" }, explore.chartLink(row.method, null, cases)),
-          reached,
-          cell(`${row.cheapest}${tie}`),
           cell(row.timed ? `× ${nsbench.format(row.mean / least)}` : "not compared"),
+          reached,
+          cell(row.timed || !row.untimed ? `${row.cheapest}${tie}` : "not compared"),
           cell(row.timed ? `× ${nsbench.format(answer.median(row.factors))}` : "none"),
           cell(row.steps.length ? answer.setting(row) : "none"),
           cell(String(row.failed)),
@@ -232,6 +248,10 @@ const answer = {
     if (!factors.size) {
       return nsbench.say(document.getElementById("answer-chart"), "Nothing to compare here.");
     }
+    const title = document.getElementById("answer-chart-title");
+    const all = `${cases.length} case${cases.length === 1 ? "" : "s"}`;
+    title.textContent = `Share of ${all} that a compiled method solves to an error of `
+      + `${nsbench.data.labels[k]} within a factor of the seconds of the fastest`;
     const largest = 2 * Math.max(2, ...[...factors.values()].flat());
     for (const [m, list] of factors) {
       const method = nsbench.data.methods[m].name;

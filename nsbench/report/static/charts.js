@@ -65,7 +65,9 @@ const nsbench = {
     if (template) {
       label.append(template.cloneNode(true));
     }
-    label.append(known.name);
+    for (const part of known.name.split(/(?<=[_[,])/)) {
+      label.append(part, nsbench.make("wbr")); // a line may break there
+    }
     return label;
   },
 

@@ -51,7 +51,9 @@ def ranking_table(data: Data) -> Table:
     for solver in sorted(data.specs, key=lambda s: (*(-n for n in reversed(reached[s])), s)):
         cells = [Cell(solver, kind="method")]
         for target, n in zip(TARGETS, reached[solver], strict=True):
-            won = f"cheapest on {first[target][solver]}"
+            own = [c for found in ranked[target] for c in found if c.solver == solver]
+            hosted = own and all(c.loop != "compiled" for c in own) and not first[target][solver]
+            won = "not compared" if hosted else f"cheapest on {first[target][solver]}"
             cells.append(Cell(f"reached on {n}", won, kind="number"))
         rows.append(Row(tuple(cells), solver=solver))
     return Table(

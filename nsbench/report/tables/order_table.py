@@ -8,6 +8,7 @@ from nsbench.report.style import (
     format_number,
 )
 from nsbench.report.summary import (
+    OPEN,
     Order,
     Summary,
     format_best_error,
@@ -97,7 +98,8 @@ def _constant(o: Order) -> Cell:
     if o.kind == "fit":
         return Cell(
             format_number(o.constant),
-            kind="number",
+            o.verdict if o.verdict in OPEN else "",
+            kind="quiet" if o.verdict in OPEN else "number",
             title=f"error ≈ {format_number(o.constant)} h^{o.order:.2f}",
         )
     return Cell("none", kind="quiet")

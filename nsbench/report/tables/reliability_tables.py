@@ -67,7 +67,7 @@ def _bounds_row(case: str, solver: str, s: Summary) -> Row:
         return Row((Cell(case), name, outcome), solver=solver, kind=s.word)
     at = int(np.nanargmin(np.where(s.runs.good, s.runs.col["h"], np.inf)))
     col = {k: float(v[at]) for k, v in s.runs.col.items() if v.dtype.kind == "f"}
-    number_of_events = format_number(col["events"]) if col["events"] == col["events"] else "0"
+    number_of_events = str(int(col["events"])) if col["events"] == col["events"] else "0"
     cells = (
         Cell(case),
         name,
