@@ -18,7 +18,7 @@ from nsbench.cli.file_checks.case_checks import check_case, check_repeatable
 from nsbench.cli.file_checks.solver_checks import check_solver
 from nsbench.input_errors import describe
 
-__all__ = ["check_case", "check_file", "check_solver", "command"]
+__all__ = ["check_case", "check_file", "check_name", "check_solver", "command"]
 
 Say = Callable[[str], None]
 
@@ -28,7 +28,7 @@ def command(args: argparse.Namespace, say: Say) -> int:
 
     Raises FileNotFoundError or LookupError if there is none of that name.
     """
-    violations = _check_name(args.file, say)
+    violations = check_name(args.file, say)
     for sentence in violations:
         say(f"  not met: {sentence}")
     count = f"{len(violations)} point{'s' * (len(violations) > 1)} to correct"
@@ -36,9 +36,9 @@ def command(args: argparse.Namespace, say: Say) -> int:
     return FAILED if violations else FINE
 
 
-def _check_name(name: str, say: Say) -> list[str]:
-    """Check what the name stands for: a file, a case of it with parameters, else a registered
-    solver, else a registered case."""
+def check_name(name: str, say: Say) -> list[str]:
+    """Check what the name stands for: a file, a case or method of it with parameters, else a
+    registered solver, else a registered case."""
     path, parameters = split_path(name) or ("", {})
     if parameters:
         return check_file(Path(path), say, parameters)
@@ -53,7 +53,7 @@ def _check_name(name: str, say: Say) -> list[str]:
 
 
 def check_file(path: Path, say: Say, parameters: dict | None = None) -> list[str]:
-    """Check a case file, or the case that it makes with parameters, or a solver file.
+    """Check a case file or a solver file, or the case or method that it makes with parameters.
 
     Returns the violations as sentences.
 
@@ -70,11 +70,14 @@ def check_file(path: Path, say: Say, parameters: dict | None = None) -> list[str
 
 def _check_module(path: Path, say: Say, parameters: dict) -> list[str]:
     module = load_module(path)
+    if hasattr(module, "SOLVER"):
+        name = _registered_name(path) or solvers.load(path)
+        text = {k: str(v).lower() if isinstance(v, bool) else v for k, v in parameters.items()}
+        options = ",".join(f"{key}={value}" for key, value in text.items())
+        return check_solver(f"{name}[{options}]" if options else name, say)
     if parameters:
         case = load_case(path, **parameters)
         return [*check_repeatable(case, load_case(path, **parameters)), *check_case(case, say)]
-    if hasattr(module, "SOLVER"):
-        return check_solver(_registered_name(path) or solvers.load(path), say)
     if hasattr(module, "CASE") or hasattr(module, "make"):
         case = load_case(path)
         for named in suite_parameters(module, "full"):

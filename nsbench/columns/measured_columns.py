@@ -239,7 +239,7 @@ ERROR_BARS = (
         "number",
         "state",
         "largest |x - x*| in the 2-norm over the sample times: what error bars of the state are "
-        "compared with",
+        "compared with, of runs that have some",
         "state, 2-norm",
         floor="state_floor",
         scale="state_scale",

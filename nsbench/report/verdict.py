@@ -298,8 +298,13 @@ def _multipliers(summaries: Summaries) -> Iterator[str]:
     doubtful = [(s, o) for s, o in pairs if o.verdict in LEVELS]
     if doubtful:
         yield f"Do not trust: {_pairs(doubtful, _describe_order)}."
-    elif pairs:
-        yield "No impulse or reaction was found to level off or to diverge."
+    else:
+        judged = sum(o.verdict == "order" for _, o in pairs)
+        if judged:
+            yield (
+                "No impulse or reaction was found to level off or to diverge "
+                f"({format_count(judged, 'pair')} of a method and a case with an order)."
+            )
     single = {name: [s.settled for s in group] for name, group in solvers.items()}
     if methods := _convergent(single):
         yield (

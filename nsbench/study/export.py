@@ -68,7 +68,8 @@ def to_latex(
 ) -> str:
     """Write rows as a LaTeX tabular: case, solver, accuracy, and the columns `names`.
 
-    Numbers have `digits` significant digits; what is not a number is a dash. Raises LookupError for
+    Numbers have `digits` significant digits; an error below its floor is "< floor"; what is not a
+    number is a dash. Raises LookupError for
     a column that no row has.
     """
     known = {n for row in rows for n in row}
@@ -77,7 +78,7 @@ def to_latex(
             raise LookupError(f"no column {name!r} in these rows")
     head = " & ".join(_tex(name) for name in (*KEYS, *names))
     lines = [
-        " & ".join(_cell(row.get(name), digits) for name in (*KEYS, *names)) + r" \\"
+        " & ".join(_cell(row, name, digits) for name in (*KEYS, *names)) + r" \\"
         for row in rows
     ]
     layout = "ll" + "r" * (1 + len(names))
@@ -88,8 +89,9 @@ def to_latex(
     )
 
 
-def _cell(value: Any, digits: int) -> str:
-    """Format a cell: words escaped, numbers as numbers or powers of ten."""
+def _cell(row: dict, name: str, digits: int) -> str:
+    """Format a cell: words escaped, numbers as numbers or powers of ten, errors below floors."""
+    value = row.get(name)
     if value is None or value == "":
         return "--"
     if isinstance(value, (str, bool)):
@@ -97,9 +99,18 @@ def _cell(value: Any, digits: int) -> str:
     number = float(value)
     if not math.isfinite(number):
         return "--"
-    text = f"{number:.{digits}g}"
+    floor = _floor(row, name)
+    below = "< " if abs(number) < floor else ""
+    text = f"{floor if below else number:.{digits}g}"
     mantissa, e, power = text.partition("e")
-    return f"${mantissa} \\cdot 10^{{{int(power)}}}$" if e else text
+    written = f"{below}{mantissa} \\cdot 10^{{{int(power)}}}" if e else f"{below}{text}"
+    return f"${written}$" if e or below else text
+
+
+def _floor(row: dict, name: str) -> float:
+    """Return the floor of an error, below which only that of its reference is measured; else 0."""
+    floor = row.get(columns.describe(name).floor)
+    return floor if isinstance(floor, float) and math.isfinite(floor) else 0.0
 
 
 def _tex(text: str) -> str:

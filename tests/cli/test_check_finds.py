@@ -5,7 +5,7 @@ import re
 import pytest
 
 from nsbench.cli import main
-from nsbench.cli.check import check_file
+from nsbench.cli.check import check_file, check_name
 
 METHOD = '''"""Euler, then clipping at one floor per coordinate."""
 from dataclasses import dataclass
@@ -82,6 +82,12 @@ WRONG_METHODS = {
     "nothing returned": ("return Traj", "Traj", "returned NoneType"),
     "steps of its own": ("grid(case.t, h)", "grid(case.t, 1e-2)", "multipliers|steps of"),
     "the floor is forgotten": ("np.maximum(y, 0.0)", "y", "state: order 1.*|all zero"),
+    "a reaction of the other sign": (
+        "np.array(I), np.array(I)", "np.array(I), -np.array(I)", "reaction: order 1 is claimed"
+    ),
+    "a reaction that is twice the impulses": (
+        "np.array(I), np.array(I)", "np.array(I), 2 * np.array(I)", "reaction: order 1 .*level off"
+    ),
     "no docs of the accuracy": ("accuracy, default", "exactness, default", "has no accuracy"),
 }  # fmt: skip
 
@@ -108,6 +114,18 @@ def test_a_wrong_method_is_found(tmp_path, name):
     assert old in METHOD
     violations, _ = said_of(tmp_path, METHOD.replace(old, new))
     assert violations and re.search(sentence, " ".join(violations)), violations
+
+
+def test_a_method_of_a_file_is_checked_with_options(tmp_path):
+    options = "share: float = 1.0\n    word: str = ''\n    is_on: bool = False\n    accuracy, default"
+    text = METHOD.replace("accuracy, default", options)
+    share = "(self.share if self.is_on and self.word == 'Ab' else 1.0)"
+    path = tmp_path / "optional.py"
+    path.write_text(text.replace("x + step * f", f"x + {share} * step * f"))
+    half = "[share=0.5,word=Ab,is_on=true]"
+    for options, right in (("", True), ("[share=0.5]", True), (half, False)):
+        violations = check_name(f"{path}{options}", lambda line: None)
+        assert bool(violations) != right, (options, violations)
 
 
 CASE = '''"""A point pulled onto the floor by a growing force: y' = -t + lam, 0 <= y _|_ lam >= 0."""

@@ -61,6 +61,13 @@ def test_latex_escapes_words_and_writes_powers():
         Study(rows).to_latex(["sup"])
 
 
+def test_latex_gives_no_error_below_its_floor_as_a_number():
+    row = {"case": "a", "solver": "s", "asked": 0.1, "state_floor": 2.5e-13, "l1": 2e-14}
+    text = Study([row | {"state_sup": 1e-15}, row | {"state_sup": 3e-13}]).to_latex(["state_sup"])
+    assert r"a & s & 0.1 & $< 2.5 \cdot 10^{-13}$ \\" in text
+    assert r"a & s & 0.1 & $3 \cdot 10^{-13}$ \\" in text
+
+
 def test_objects_are_short_in_notebooks(study):
     case = nsbench.get_case("tide")
     traj = nsbench.solve(case, "pbd", h=0.01)

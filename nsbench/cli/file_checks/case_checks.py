@@ -78,14 +78,14 @@ def _run_event_driven(case: Case, say: Say) -> Trajectory | None:
     traj = solvers.solve(case, "event_driven")
     loop = {"compiled": "compiled", "host": "in Python, which is slower"}
     roots = {
-        "verified": "every step proven to hide no event",
+        "verified": "every step is proven to hide no event",
         "sampled": "not proven: some steps are only sampled for events",
     }
     note = traj.stats.get("note", "")  # it says why it is in Python, and what is not proven
     words = (
         "" if note else loop.get(traj.stats.get("loop"), ""),
+        note.removesuffix("."),
         "" if note and traj.stats["unproven"] else roots.get(traj.stats.get("roots"), ""),
-        note,
         "" if traj.status.ok else str(traj.status),
     )
     say(f"{case.key}: event_driven: {'; '.join(filter(None, words))}")
