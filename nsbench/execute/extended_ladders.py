@@ -13,8 +13,9 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from nsbench.report.cost import extrapolate_cost
+from nsbench.report.cost import cost_at_error, extrapolate_cost
 from nsbench.report.data import build, columns_of
+from nsbench.report.style import join_names
 from nsbench.report.summary import Summary, summarise
 from nsbench.study import Spec
 from nsbench.study.plan import resolve
@@ -41,6 +42,26 @@ def further_runs(
         if pair in by_pair:
             out += _of_pair(by_pair[pair], summary, target, budget)
     return out
+
+
+def describe_unreached(rows: Iterable[dict], target: float, budget: float) -> list[str]:
+    """Say which methods do not reach the state error `target`, and why they were not carried on."""
+    reasons: dict[str, list[str]] = {}
+    for (case, solver), summary in summarise(build(columns_of(rows))).items():
+        known = np.isfinite(summary.runs.col["state_sup"][summary.runs.good]).any()
+        if not known or cost_at_error(summary.runs, target) is not None:
+            continue
+        is_clear = extrapolate_cost(summary, target) is not None
+        why = (
+            f"in {ROUNDS} rounds and {budget:g} s of a method on a case (--budget)"
+            if is_clear
+            else "their orders are not clear enough to tell a step"
+        )
+        reasons.setdefault(why, []).append(f"{solver} on {case}")
+    return [
+        f"error {target:g} not reached by {join_names(names, 4)}: {why}"
+        for why, names in reasons.items()
+    ]
 
 
 def _of_pair(specs: list[Spec], summary: Summary, target: float, budget: float) -> list[Spec]:

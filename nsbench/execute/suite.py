@@ -78,6 +78,10 @@ def execute(specs: list[Spec], out: Path, args, say) -> int:
             keys |= {s: key.key_of(s, parts[s]) for s in added}
             specs = [*specs, *added]
             fresh |= _complete(added, known, journal, args, say, out)[0]
+        if args.reach:
+            found = [as_read(rows[keys[s]]) for s in specs if keys[s] in rows]
+            for line in extended_ladders.describe_unreached(found, args.reach, args.budget):
+                say(line)
         ordered = OrderedRows(
             rows, (keys[s] for s in specs), lambda i: lost_run_row(specs[i], "error", NO_ROW)
         )

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nsbench.execute.extended_ladders import further_runs
+from nsbench.execute.extended_ladders import describe_unreached, further_runs
 from nsbench.study.plan import plan_runs
 
 STEPS = [0.05 / n for n in (1, 2, 3, 4, 6, 8, 11, 16)]
@@ -63,3 +63,17 @@ def test_what_is_reached_costs_too_much_or_has_no_order_is_left():
     for r, factor in zip(rows, noise, strict=True):
         r["state_sup"] = 1e-2 * factor
     assert not further_runs(specs, rows, 1e-4, budget=60.0)
+
+
+def test_why_an_error_is_not_reached_is_said():
+    _, rows = study()
+    assert describe_unreached(rows, 2.0 * rows[-1]["state_sup"], 60.0) == []
+    (line,) = describe_unreached(rows, 1e-6, 2.5)
+    assert line == (
+        "error 1e-06 not reached by pbd on tide: in 3 rounds and 2.5 s of a method on a case "
+        "(--budget)"
+    )
+    for k, r in enumerate(rows):
+        r["state_sup"] = 1e-2 * (1 + k % 2)
+    (line,) = describe_unreached(rows, 1e-6, 2.5)
+    assert line.endswith("by pbd on tide: their orders are not clear enough to tell a step")

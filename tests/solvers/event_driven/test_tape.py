@@ -1,6 +1,8 @@
 """A tape's series are Taylor series, its enclosures hold them, and what cannot be put on a tape is
 refused."""
 
+from fractions import Fraction
+
 import mpmath
 import numpy as np
 import pytest
@@ -121,6 +123,21 @@ def test_enclosures_hold_every_derivative_at_every_point(name):
         want = exact(ELEMENTARY[name], centre + radius * s, ORDER) * radius ** np.arange(ORDER + 1)
         assert np.all(np.abs(mid - want) <= rad), s
     assert rad[0] < 0.2 * (1.0 + abs(mid[0])), "an enclosure this wide proves nothing"
+
+
+def test_the_rounding_of_a_sum_with_a_constant_is_enclosed():
+    """Against rational arithmetic: c u + d of a constant u that is small beside d."""
+    draw = np.random.default_rng(3)
+    for _ in range(50):
+        c, small, d = draw.uniform(0.5, 2.0, 3) * (1.0, 1e-3, 1.0)
+        made = tape(lambda xp, u, v, c=c, d=d: c * u + d)
+        M = np.zeros((made.rows, ORDER + 1))
+        R = np.zeros((made.rows, ORDER + 1))
+        path(np.array([[small, 0.0], [0.0, 0.0]]), 2, 1, 0.0, 0.1, M, R)
+        enclose(made.ops, made.nums, made.first[0], 2, M, R)
+        row = made.outs[0, 2]
+        off = abs(Fraction(c) * Fraction(small) + Fraction(d) - Fraction(M[row, 0]))
+        assert 0 < off <= Fraction(R[row, 0]) < 1e-14
 
 
 @pytest.mark.parametrize(
