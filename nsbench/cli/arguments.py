@@ -286,6 +286,14 @@ def _add_gate(verbs) -> None:
         help="file, or folder, of cases that must be that of the runs (default: nsbench.toml)",
     )
     verb.add_argument(
+        "--solvers",
+        dest="solver_files",
+        action="append",
+        default=[],
+        metavar="PATH",
+        help="file, or folder, of methods that must be that of the runs (default: nsbench.toml)",
+    )
+    verb.add_argument(
         "--update",
         action="store_true",
         help="write what changed into the baseline (needs --reason)",

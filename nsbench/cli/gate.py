@@ -34,11 +34,7 @@ def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
         )
     check(args.dir)
     study = read(args.dir)
-    if changed := _changed_since(study.cases, args.case_files):
-        why = (
-            f"{', '.join(changed)}: the case file has changed since the runs in {args.dir} were "
-            "made; nothing is compared"
-        )
+    if why := _why_stale(study, args):
         say(f"{why}. `nsbench run` makes them anew")
         _append(args.summary, f"**Not compared.** {why}.\n")
         return NOTHING_COMPARED
@@ -64,6 +60,17 @@ def _append(path: str | None, text: str) -> None:
             file.write(text)
 
 
+def _why_stale(study, args) -> str:
+    """Say which files of cases and methods have changed since the runs were made; "" for none."""
+    changed = {
+        "case file": _changed_since(study.cases, args.case_files),
+        "file of the method": _changed_methods(study.solvers, args.solver_files),
+    }
+    told = [f"{', '.join(k)}: the {what} has changed" for what, k in changed.items() if k]
+    since = f"since the runs in {args.dir} were made; nothing is compared"
+    return f"{'; '.join(told)} {since}" if told else ""
+
+
 def _changed_since(described: dict, names: list[str]) -> list[str]:
     """Return the keys of described cases whose files, of their name, are among `names` and have
     other contents now.
@@ -75,6 +82,16 @@ def _changed_since(described: dict, names: list[str]) -> list[str]:
     files = {f.stem: str(f) for f in _existing_files(names)}
     pairs = [(key, files.get(parse_spec(key)[0])) for key in described]
     return [k for k, f in pairs if f and digest_of(k, f) != described[k].get("digest", "")]
+
+
+def _changed_methods(described: dict, names: list[str]) -> list[str]:
+    """Return the specs of described methods whose files, of their name, are among `names` and have
+    other contents now. No method is loaded."""
+    from nsbench.study.describe import digest_of_method
+
+    files = {f.stem: digest_of_method(str(f)) for f in _existing_files(names)}
+    known = {spec: one.get("source") for spec, one in described.items()}
+    return [s for s, was in known.items() if was and files.get(parse_spec(s)[0], was) != was]
 
 
 def _existing_files(names: list[str]) -> list[Path]:

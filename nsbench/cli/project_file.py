@@ -32,7 +32,7 @@ MAX_BYTES = 1 << 20
 ENTRIES = {
     "cases": (list, {"run": "cases", "gate": "case_files", "calibrate": "case_files"}),
     "methods": (list, {"run": "solver"}),
-    "method_files": (list, {"run": "solver_files", "calibrate": "solver_files"}),
+    "method_files": (list, dict.fromkeys(("run", "gate", "calibrate"), "solver_files")),
     "suite": (str, {"run": "suite"}),
     "out": (str, {"run": "out", "gate": "dir", "calibrate": "dir"}),
     "references": (str, {"run": "references", "calibrate": "references", "reference": "into"}),
@@ -63,7 +63,8 @@ def apply_project_file(args: argparse.Namespace, folder: Path | None = None) -> 
         found.pop("cases", None)  # other cases are asked for
     own_results = Path(found.get("out", DEFAULTS["gate"]["dir"]))
     if verb == "gate" and "dir" in given and Path(args.dir) != own_results:
-        found.pop("cases", None)  # runs of another folder may be of other files
+        for name in ("cases", "method_files"):  # runs of another folder may be of other files
+            found.pop(name, None)
     for name, value in found.items():
         option = _option(name, verb)
         if option and option not in given:

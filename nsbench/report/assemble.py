@@ -195,7 +195,7 @@ def assemble_content(data: Data, drawn: Figures) -> Content:
     return Content(
         title="nsbench report",
         lede=f"{lede}.",
-        headline=write_headline(data),
+        headline=write_headline(data, s),
         statements=tuple(write_verdict(data, s)),
         tables={t.key: t for t in built},
         data=data,

@@ -22,8 +22,14 @@ from nsbench.report.cost import (
     rank_costs,
 )
 from nsbench.report.data import Data, Runs
-from nsbench.report.style import format_count, format_number, format_seconds
-from nsbench.report.summary import estimate_order, rounding_span, stored_claims, summarise
+from nsbench.report.style import format_count, format_seconds
+from nsbench.report.summary import (
+    estimate_order,
+    format_error,
+    rounding_span,
+    stored_claims,
+    summarise,
+)
 
 TARGET = 1e-3  # state error that the best method reaches
 MAX_LINES = 10
@@ -129,7 +135,7 @@ def _multipliers(runs: Runs) -> str:
         known = values[np.isfinite(values)]
         if known.size:
             word = "" if name == "impulse" else "reaction "
-            return f"{word}to {format_number(float(known.min()))}"
+            return f"{word}to {format_error(float(known.min()), runs.floor(name))}"
     return NOT_KNOWN
 
 

@@ -42,7 +42,7 @@ def write_verdict(data: Data, summaries: Summaries) -> list[Statement]:
     if not any(s.word == "ok" for s in summaries.values()):
         return [Statement("No run gave a number", (_runs(summaries), *_failed(summaries)), "bad")]
     parts = [
-        Statement("Which method", tuple(_choices(data))),
+        Statement("Which method", tuple(_choices(data, summaries))),
         Statement("Which orders", tuple(_orders(data, summaries))),
         Statement("Can the multipliers be trusted", tuple(_multipliers(summaries))),
         Statement("Which step", tuple(_violations(data, summaries))),
@@ -85,16 +85,16 @@ def _unexpected(found) -> list[Statement]:
     )
 
 
-def write_headline(data: Data) -> str:
+def write_headline(data: Data, summaries: Summaries) -> str:
     """Write the answer in a sentence: which methods are the cheapest at the second of the targets.
 
     Where no error is known, the sentence says so.
     """
-    found = list(_choices(data))
+    found = list(_choices(data, summaries))
     return found[min(1, len(found) - 1)] if found else "No run gave an error to compare."
 
 
-def _choices(data: Data) -> Iterator[str]:
+def _choices(data: Data, summaries: Summaries) -> Iterator[str]:
     """Count on how many cases each method is the cheapest one to reach an error."""
     cases = [case for case in data.case_keys if _has_error(data, case)]
     for target in cost.TARGETS if cases else ():
@@ -108,6 +108,12 @@ def _choices(data: Data) -> Iterator[str]:
         best += f", others on {others}" if others else ""
         missed = [case for case, c in found.items() if not c]
         tail = f"; not reached on {join_names(missed, 4)}" if missed else ""
+        further = [c for c in cases if _further(summaries, c, found[c], target) is not None]
+        if further:
+            tail += (
+                f"; with smaller steps than were run others would be, by their orders, on "
+                f"{join_names(further, 4)}"
+            )
         yield (
             f"Error {format_power(target)}: cheapest is {best} of "
             f"{format_count(len(cases), 'case')}{tail}."
@@ -118,6 +124,12 @@ def _choices(data: Data) -> Iterator[str]:
             "Errors are not known, for want of a reference or of a finished run: "
             f"{join_names([_with_reason(data, case) for case in blind])}."
         )
+
+
+def _further(summaries: Summaries, case: str, found: list, target: float) -> cost.Cost | None:
+    """Return the extrapolated cost that is below all that were found on a case, if there is one."""
+    own = (s for (c, _), s in summaries.items() if c == case)
+    return cost.cheaper_extrapolated(own, found, target)
 
 
 def _with_reason(data: Data, case: str) -> str:

@@ -16,7 +16,7 @@ from __future__ import annotations
 import dataclasses
 import secrets
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -36,6 +36,11 @@ if TYPE_CHECKING:
 __all__ = ["Spec", "Study", "run"]
 
 
+def _count(what: Collection, word: str) -> str:
+    """Return how many there are, with the word for one of them: 1 case, 2 cases."""
+    return f"{len(what)} {word}{'s' * (len(what) != 1)}"
+
+
 @dataclass(frozen=True, repr=False)
 class Study:
     """rows: one dict per attempted run, whatever became of it; cases, solvers: what they are, by
@@ -51,12 +56,11 @@ class Study:
         outcomes = Counter(row["status"] for row in self.rows)
         counted = ", ".join(f"{count} {status}" for status, count in outcomes.most_common())
         unknown = {r["case"] for r in self.rows if r.get("reference") == "none"}
-        cases = f"{len(unknown)} case{'s' * (len(unknown) != 1)}"
-        blind = f"; errors of {cases} not known: no reference" if unknown else ""
-        return (
-            f"Study({len(self.rows)} runs of {len(self.cases)} cases with {len(self.solvers)} "
-            f"solvers: {counted or 'none'}{blind})"
-        )
+        blind = f"; errors of {_count(unknown, 'case')} not known: no reference" if unknown else ""
+        cases = _count({row["case"] for row in self.rows}, "case")
+        solvers = _count({row["solver"] for row in self.rows}, "solver")
+        runs = _count(self.rows, "run")
+        return f"Study({runs} of {cases} with {solvers}: {counted or 'none'}{blind})"
 
     def _repr_html_(self) -> str:
         """Return a table with a line per case and solver, for notebooks."""

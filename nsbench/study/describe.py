@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -72,8 +73,19 @@ def _digest(*chunks: bytes) -> str:
     return disk_cache.digest(*chunks)[:16]
 
 
+def digest_of_method(source: str) -> str:
+    """Return sixteen hexadecimal digits of the contents of a method's file, "" for no file."""
+    return _digest(*_contents([source])) if source else ""
+
+
+def _own_file(method: Any) -> str:
+    """Return the file of a method that is none of this package; "" for those that are."""
+    file = getattr(sys.modules.get(type(method).__module__), "__file__", None) or ""
+    return "" if Path(solvers.__file__).parent in Path(file).parents else file
+
+
 def describe_solver(spec: str) -> dict:
-    """Describe a solver: its first line, its accuracy parameter and its claims."""
+    """Describe a solver: its first line, its accuracy parameter, its claims, and its own file."""
     m: Any = solvers.get(spec)
     return {
         "doc": next(iter((type(m).__doc__ or "").strip().splitlines()), ""),
@@ -81,6 +93,7 @@ def describe_solver(spec: str) -> dict:
         "claims": dataclasses.asdict(m.claims),
         "expects": [dataclasses.asdict(e) for e in getattr(m, "expects", ())],
         "digest": _digest(repr(sorted(dataclasses.asdict(m).items())).encode()),
+        "source": digest_of_method(_own_file(m)),
     }
 
 

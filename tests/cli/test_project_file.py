@@ -59,6 +59,9 @@ def test_plain_run_and_gate_do_what_the_file_says(folder, capsys):
     assert main(["gate"]) == 0
     method = folder / "clip.py"
     method.write_text(method.read_text().replace("x = x + step * f", "x = x + 1.01 * step * f"))
+    capsys.readouterr()
+    assert main(["gate"]) == 4  # before the runs are made anew
+    assert "clip: the file of the method has changed" in capsys.readouterr().out
     again = [sys.executable, "-m", "nsbench", "run", "-j", "1"]  # this process knows the old file
     subprocess.run(again, check=True, capture_output=True)
     assert main(["gate"]) == 1, capsys.readouterr().out

@@ -278,3 +278,95 @@ def test_a_slope_of_scatter_is_no_number_to_show():
         and not np.isfinite([state.order, state.constant]).any()
     )
     assert order_table.order_cell(state).text == state.verdict
+
+
+def test_no_error_below_its_floor_is_a_number_beside_an_order():
+    """Multipliers without order, times of events, and the terminal's table."""
+    near = {"impulse_floor": 2e-12, "event_floor": 3e-13, "state_floor": 1e-13, "state_scale": 1.0}
+    rows = [
+        row("a", "event_driven", tol, "tol", state_sup=1e-15, impulse=9e-16, **near)
+        | {"event_time": 2e-16, "events": 3.0, "seconds": 1e-3}
+        for tol in (1e-8, 1e-10, 1e-12)
+    ]
+    found = summaries(rows)["a", "event_driven"]
+    texts = [c.small for c in order_table.orders_table({("a", "event_driven"): found}).rows[0].cells]
+    assert "best < 2e-12" in texts and "times to < 3e-13" in texts
+    (line,) = overview.overview(data.read(rows))
+    assert line.multipliers == "to < 2e-12"
+
+
+def test_a_constant_without_a_verdict_is_marked_so():
+    rng = np.random.default_rng(0)
+    rows = [
+        row("a", "pbd", float(h), state_sup=float(h**1.5 * rng.uniform(0.6, 1.6))) for h in STEPS
+    ]
+    found = summaries(rows)["a", "pbd"]
+    assert found.state.kind == "fit" and found.state.verdict in summary.OPEN
+    cells = order_table.orders_table({("a", "pbd"): found}).rows[0].cells
+    assert cells[2].small == found.state.verdict and cells[2].kind == "quiet"
+
+
+def told(head, rows, cases=None):
+    """The sentences of the report's opening under a heading."""
+    known = data.read(rows)
+    known.cases.update(cases or {})
+    known.solvers.update(SOLVERS)
+    found = {s.head: s.sentences for s in verdict.write_verdict(known, summary.summarise(known))}
+    return " ".join(found[head])
+
+
+def test_cases_on_which_a_method_is_held_against_itself_are_named():
+    rows = [
+        row(case, "event_driven", 1e-12, "tol", state_sup=1e-15, state_floor=1e-13)
+        for case in ("a", "b", "c")
+    ]
+    how = "event_driven at 1e-13 against event_driven[method=rk45] at 1e-12"
+    cases = {
+        "a": {"reference": "stored", "certificate": {"how": how}},
+        "b": {"reference": "stored", "certificate": {"how": f"pbd; {how}"}},
+        "c": {"reference": "certified", "certificate": {"how": how}},
+    }
+    said = told("Which orders", rows, cases)
+    assert "is kept on 3 of 3 cases; the reference is two runs of this method, by different" in said
+    assert said.endswith("integrators, on a.")
+
+
+def test_the_cheapest_beyond_the_fourth_are_counted_and_those_by_their_orders_are_named():
+    rows = []
+    for k, solver in enumerate(("pbd", "catching_up", "penalty", "theta", "kdtree")):
+        rows += [
+            row(f"c{k}", solver, float(h), "k" if solver == "penalty" else "h")
+            | {"state_sup": 0.1 * float(h), "seconds": 1e-3, "loop": "compiled"}
+            for h in STEPS
+        ]
+    said = told("Which method", rows)
+    assert "Error 1e-2: cheapest is pbd on 1" in said and ", others on 1 of 5 cases" in said
+    slow = [
+        row("c", "catching_up", float(h), state_sup=1e-9, seconds=100.0, loop="compiled")
+        for h in STEPS
+    ]
+    quick = [
+        row("c", "pbd", float(h), state_sup=float(h), seconds=1e-6 / float(h), loop="compiled")
+        for h in STEPS
+    ]
+    assert "others would be, by their orders, on c." in told("Which method", slow + quick)
+
+
+def test_steps_for_a_violation_are_told_with_the_cases_that_they_hold_for():
+    rows = [
+        row(case, "pbd", float(h), state_sup=float(h), feasibility=float(factor * h))
+        for case, factor in (("a", 0.1), ("b", 1e3))
+        for h in STEPS
+    ]
+    said = told("Which step", rows)
+    assert "(a; 1 of 2 cases); not reached by pbd on b." in said
+
+
+def test_methods_that_are_as_claimed_on_some_cases_only_are_told():
+    rows = [
+        row(case, "pbd", float(h), state_sup=float(h**p))
+        for case, p in (("a", 1.0), ("b", 2.0), ("c", 1.0))
+        for h in STEPS
+    ]
+    said = told("Which orders", rows)
+    assert "As claimed on some cases, the others below: pbd 1 on 2 of 3 cases." in said

@@ -23,6 +23,7 @@ from nsbench.report.data import Data
 from nsbench.report.style import (
     LEADING_METHOD,
     TIMES,
+    format_count,
     format_factor,
     format_power,
     format_seconds,
@@ -60,8 +61,8 @@ def ranking_table(data: Data) -> Table:
         "ranking",
         ("method", *(f"error {format_power(t)}" for t in TARGETS)),
         tuple(rows),
-        f"Of {len(data.case_keys)} cases. A method that refuses a case does not reach its error. "
-        "Only compiled loops are compared in seconds.",
+        f"Of {format_count(len(data.case_keys), 'case')}. A method that refuses a case does not "
+        "reach its error. Only compiled loops are compared in seconds.",
     )
 
 
@@ -91,8 +92,10 @@ def choice_table(data: Data, summaries: Summaries) -> Table:
         ("case", *(f"error {format_power(t)}" for t in TARGETS)),
         tuple(rows),
         "The cheapest method whose state error stays below the figure at all smaller steps, with "
-        "the accuracy it needs. “Host loop”: the seconds of that method measure the interpreter, "
-        "and are fewer than those of all compiled loops that reach the error. "
+        "the accuracy it needs, interpolated between its runs and rounded: on the safe side is the "
+        "next smaller step. Errors are the largest over all samples and coordinates. “Host loop”: "
+        "the seconds of that method measure the interpreter, and are fewer than those of all "
+        "compiled loops that reach the error. "
         "“Extrapolated”: no run of that method reached the error; the step is where the fitted "
         "order gets there, in fewer seconds than any method took that did.",
     )

@@ -44,8 +44,8 @@ def selection_table(data: Data, summaries: dict[tuple, Summary]) -> Table:
             Row(
                 (
                     Cell(solver, kind="method"),
-                    order_cell(s.force),
-                    order_cell(distance),
+                    order_cell(s.force, s.runs.floor(s.force.metric)),
+                    order_cell(distance, s.runs.floor(distance.metric)),
                     Cell(
                         format_number(float(s.runs.col["selection"][finest])),
                         "",

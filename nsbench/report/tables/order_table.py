@@ -12,6 +12,7 @@ from nsbench.report.summary import (
     Order,
     Summary,
     format_best_error,
+    format_error,
 )
 from nsbench.report.tables.cells import Cell, Row, Table
 
@@ -53,13 +54,13 @@ def _row(case: str, solver: str, s: Summary) -> Row:
     if s.state.kind == s.force.kind == "none" and has_residual:
         sentence = Cell(_residuals(s), kind="quiet", title=s.state.sentence, span=whole_line)
         return Row((name, sentence), case, solver)
-    force = order_cell(s.force)
+    force = order_cell(s.force, s.runs.floor(s.force.metric))
     if s.force.metric == "reaction":
         small = f"{force.small} · reaction".strip(" ·")
         force = Cell(force.text, small, force.title, force.kind)
     cells = (
         name,
-        order_cell(s.state),
+        order_cell(s.state, s.runs.floor(s.state.metric)),
         _constant(s.state),
         force,
         _best(s, s.state),
@@ -70,8 +71,8 @@ def _row(case: str, solver: str, s: Summary) -> Row:
     return Row(cells, case, solver)
 
 
-def order_cell(o: Order) -> Cell:
-    """Write an order, a bound, or the words that stand for them."""
+def order_cell(o: Order, floor: float = 0.0) -> Cell:
+    """Write an order, a bound, or the words that stand for them; floor: of the smallest error."""
     mark = {"above": "▲", "below": "▼"}.get(o.flag, "")
     if o.kind == "fit":
         lo, hi = o.interval
@@ -89,7 +90,10 @@ def order_cell(o: Order) -> Cell:
             return Cell("no violation", "beyond rounding", o.sentence, "quiet")
         return Cell("no order", "exact at grid times", o.sentence, "quiet")
     return Cell(
-        o.text, f"best {format_number(o.best)}" if o.best == o.best else "", o.sentence, "quiet"
+        o.text,
+        f"best {format_error(o.best, floor)}" if o.best == o.best else "",
+        o.sentence,
+        "quiet",
     )
 
 
@@ -142,9 +146,8 @@ def _events(s: Summary) -> Cell:
             kind="quiet",
             title="A method on a fixed grid does not look for event times.",
         )
-    time_errors = col["event_time"][good & np.isfinite(col["event_time"])]
+    errors = col["event_time"][good & np.isfinite(col["event_time"])]
+    best = format_error(float(errors.min(initial=np.inf)), s.runs.floor("event_time"))
     return Cell(
-        f"{int(located[-1])}",
-        f"times to {format_number(float(time_errors.min()))}" if time_errors.size else "",
-        kind="number",
+        f"{int(located[-1])}", f"times to {best}" if errors.size else "", kind="number"
     )
