@@ -7,7 +7,7 @@ from report_rows import SOLVERS, STEPS, row, summaries
 
 from nsbench.report import cost as speed
 from nsbench.report import data, euler_sliding_figure, overview, style, summary, verdict
-from nsbench.report.tables import equal_error_tables, order_table
+from nsbench.report.tables import equal_error_tables, order_table, reliability_tables
 from nsbench.solvers import get
 
 
@@ -285,12 +285,15 @@ def test_no_error_below_its_floor_is_a_number_beside_an_order():
     near = {"impulse_floor": 2e-12, "event_floor": 3e-13, "state_floor": 1e-13, "state_scale": 1.0}
     rows = [
         row("a", "event_driven", tol, "tol", state_sup=1e-15, impulse=9e-16, **near)
-        | {"event_time": 2e-16, "events": 3.0, "seconds": 1e-3}
+        | {"event_time": 2e-16, "events": 133.0, "seconds": 1e-3}
         for tol in (1e-8, 1e-10, 1e-12)
     ]
     found = summaries(rows)["a", "event_driven"]
     texts = [c.small for c in order_table.orders_table({("a", "event_driven"): found}).rows[0].cells]
     assert "best < 2e-12" in texts and "times to < 3e-13" in texts
+    pairs = {("a", "event_driven"): found}
+    table = reliability_tables.bounds_table(data.read(rows), pairs)
+    assert "133" in [c.text for c in table.rows[0].cells]
     (line,) = overview.overview(data.read(rows))
     assert line.multipliers == "to < 2e-12"
 
