@@ -380,14 +380,14 @@ def test_without_an_address_that_answers_it_is_said_soon(tmp_path, capsys, monke
 @pytest.mark.long
 def test_a_cluster_that_ends_is_told_and_what_it_gave_is_kept(tmp_path, capsys, monkeypatch):
     out = tmp_path / "r"
-    first = Journal.append
+    first = Journal.append_all
     with cluster(1) as (where, process):
 
-        def append(self, *entry):
-            first(self, *entry)
+        def append(self, entries):
+            first(self, entries)
             process.kill()
 
-        monkeypatch.setattr(Journal, "append", append)
+        monkeypatch.setattr(Journal, "append_all", append)
         assert main(["run", "tide", "-s", "pbd", "-o", str(out), "--dask", where]) == 5
     assert f"the scheduler at {where} is gone" in capsys.readouterr().err
     kept = read_journal(out)
