@@ -117,7 +117,8 @@ def test_a_wrong_method_is_found(tmp_path, name):
 
 
 def test_a_method_of_a_file_is_checked_with_options(tmp_path):
-    options = "share: float = 1.0\n    word: str = ''\n    is_on: bool = False\n    accuracy, default"
+    options = "share: float = 1.0\n    word: str = ''\n    is_on: bool = False\n    "
+    options += "accuracy, default"
     text = METHOD.replace("accuracy, default", options)
     share = "(self.share if self.is_on and self.word == 'Ab' else 1.0)"
     path = tmp_path / "optional.py"
