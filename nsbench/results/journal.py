@@ -163,7 +163,7 @@ class Journal:
         """Append the rows of some runs, each as (key, row, parts of the key), and sync once.
 
         The items of a part are written once, before the first such row. Raises StoreError if that
-        fails; the journal is then as it was.
+        fails; the whole lines that were written are kept.
         """
         lines = []
         new: set[str] = set()
@@ -175,14 +175,16 @@ class Journal:
                     new.add(p.digest)
             lines.append({"schema": SCHEMA, "key": key, "parts": digests, "row": clean(row)})
         size = os.fstat(self._file).st_size
+        data = b"".join(map(_sealed, lines))
+        written = 0
         try:
-            left = memoryview(b"".join(map(_sealed, lines)))
-            while left:
-                left = left[os.write(self._file, left) :]
+            while written < len(data):
+                written += os.write(self._file, memoryview(data)[written:])
             os.fsync(self._file)
         except OSError as e:
             with contextlib.suppress(OSError):
-                os.ftruncate(self._file, size)
+                os.ftruncate(self._file, size + data.rfind(b"\n", 0, written) + 1)
+                os.fsync(self._file)
             raise StoreError(
                 f"cannot write {self.path}: {e.strerror}; what was finished before is kept"
             ) from None

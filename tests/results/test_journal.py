@@ -93,6 +93,27 @@ def test_a_full_disk_leaves_whole_lines(tmp_path, monkeypatch):
     assert list(read_journal(tmp_path)) == ["a", "c"]
 
 
+def test_of_rows_appended_together_a_full_disk_keeps_those_that_fit(tmp_path, monkeypatch):
+    path = write(tmp_path, a=1.0)
+    plain = os.write
+
+    def full(fd, data):
+        if len(data) < 200:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return plain(fd, bytes(data)[: len(data) - 50])  # the last row does not fit
+
+    j = Journal(tmp_path)
+    monkeypatch.setattr(journal.os, "write", full)
+    with pytest.raises(StoreError, match="No space left"):
+        j.append_all([(key, {"x": 2.0, "status": "ok"}, ()) for key in "bcd"])
+    monkeypatch.undo()
+    j.append("e", {"x": 3.0})
+    j.close()
+    damaged = []
+    assert list(read_journal(tmp_path, damaged)) == ["a", "b", "c", "e"] and not damaged
+    assert path.read_bytes().endswith(b"\n")
+
+
 def test_a_table_that_cannot_be_written_leaves_the_old_one(tmp_path, monkeypatch):
     write_atomically(tmp_path / "f", b"old")
 
