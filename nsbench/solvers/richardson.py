@@ -124,7 +124,7 @@ class Richardson:
         def finer() -> Trajectory:
             return self.base.prepare(case, h / 2**self.levels)()
 
-        return lambda: combined([run() for run in runs], h, finer)
+        return lambda: combined([run() for run in runs], h, case, finer)
 
 
 SOLVER = Richardson

@@ -6,6 +6,7 @@ import pytest
 
 import nsbench
 from nsbench import Affine, Case, Complementarity, errors, get_case, solve
+from nsbench.reference import reference
 from nsbench.solvers import get
 from nsbench.solvers.common.extrapolation import combined, weights
 from nsbench.trajectory import Status, Trajectory
@@ -197,5 +198,18 @@ def test_a_run_whose_finer_one_fails_has_no_error_bars():
     t = np.linspace(0, 1, 3)
     good = Trajectory(t, np.ones((3, 1)), ((0, 0),), *(np.zeros((3, 1)) for _ in range(2)))
     broken = Trajectory(*(getattr(good, n) for n in FIELDS), Status("diverged", "It left."))
-    bars = combined([good, good], 0.1, lambda: broken).bound
+    bars = combined([good, good], 0.1, get_case("tide"), lambda: broken).bound
     assert np.isnan(bars.state).all() and "half the last step" in bars.why
+
+
+@pytest.mark.parametrize(
+    "name, accuracies", [("graze", (0.0135, 0.0034)), ("moving_floor", (0.0125,))]
+)
+def test_where_all_runs_miss_a_touch_alike_the_error_bars_of_the_finest_are_taken(name, accuracies):
+    """PBD lands by sqrt(h) early: at the samples about the touch all runs stand on the floor, and
+    extrapolations differed by 1e-13 beside an error of 7e-4."""
+    case = get_case(name)
+    for h in accuracies:
+        run = solve(case, "richardson", h=h)
+        off = np.linalg.norm(run.x - reference(case).x, axis=1)
+        assert (run.bound.state >= 0.99 * off - 1e-12).all() and run.bound.state.max() < 3.0 * off.max()

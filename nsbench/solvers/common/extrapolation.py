@@ -10,7 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from nsbench.error_bars import Bars, ErrorBars
+from nsbench.case import Case
+from nsbench.error_bars import Bars, ErrorBars, error_bars
 from nsbench.trajectory import Status, Trajectory
 
 
@@ -30,7 +31,10 @@ def weights(times: int) -> np.ndarray:
 
 
 def combined(
-    runs: list[Trajectory], h: float, finer: Callable[[], Trajectory] | None = None
+    runs: list[Trajectory],
+    h: float,
+    case: Case | None = None,
+    finer: Callable[[], Trajectory] | None = None,
 ) -> Trajectory:
     """Return the extrapolated trajectory of runs at halved accuracies.
 
@@ -39,7 +43,8 @@ def combined(
     Its states are not feasible, nor its multipliers of one sign, to better than their error. A run
     that failed fails it, with the first sentence; work is added up. stats["spread"]: the largest
     difference from the same extrapolation with one level less (from the last run, for two), an
-    estimate of that one's error. finer: makes the run at half the last accuracy, for error bars.
+    estimate of that one's error. case, finer: for error bars, what was run, and what makes the run
+    at half the last accuracy.
     """
     w = weights(len(runs) - 1)
     last = weights(len(runs) - 2)
@@ -55,7 +60,7 @@ def combined(
     stats = _work([r.stats for r in runs]) | {"h": h, "spread": spread}
     bad = next((r.status for r in runs if not r.status.ok), Status())
     reaction = _sum(w, [r.reaction for r in runs])
-    bars = ErrorBars(lambda: _bars(runs, finer, x, reaction)) if finer else None
+    bars = ErrorBars(lambda: _bars(case, runs, finer(), (x, reaction))) if finer else None
     return Trajectory(
         runs[0].t,
         x,
@@ -75,24 +80,53 @@ def combined(
 # An error of order p changes by 1 - 2^-p of itself when all accuracies are halved: by a half at
 # least. The difference is doubled, so that it is at least the error wherever the order is one.
 DOUBLED = 2.0
+# Of a run's own error bars, which are at most some times its error, the least share by which an
+# extrapolation that is right moves it
+MOVED = 0.25
 
 
-def _bars(runs: list[Trajectory], finer: Callable[[], Trajectory], x: np.ndarray, reaction) -> Bars:
-    """Return error bars of the extrapolation x, reaction (k, n) of runs: DOUBLED times its distance
-    to that of halved accuracies, which takes one more run.
+def _bars(
+    case: Case, runs: list[Trajectory], last: Trajectory, found: tuple[np.ndarray, np.ndarray]
+) -> Bars:
+    """Return error bars of an extrapolation: DOUBLED times its distance to that of halved
+    accuracies.
 
+    last: the run that this takes; found: the extrapolated state and reaction, each (k, n). All runs
+    may err alike where none is near its limit yet, as where all have landed and the exact motion
+    has not. The finest run has error bars of its own; at samples where its state is moved by less
+    than MOVED of them, the extrapolation is not confirmed: they and the distance moved are taken,
+    and for the reaction where that is not confirmed either.
     At a sample the largest so far is taken: two extrapolations can cross by chance.
     """
-    last = finer()
     t = runs[0].t
     if not last.status.ok or len(last.t) != len(t):
         why = "The run with half the last step, which error bars take, did not reach its end."
         return Bars.none(t, why)
-    halved = [*runs[1:], last]
-    w = weights(len(runs) - 1)
-    off = x - _sum(w, [r.x for r in halved]), reaction - _sum(w, [r.reaction for r in halved])
-    state, push = (np.maximum.accumulate(DOUBLED * np.linalg.norm(a, axis=1)) for a in off)
+    own = error_bars(case, runs[-1])
+    states = [r.x for r in (*runs, last)]
+    reactions = [r.reaction for r in (*runs, last)]
+    unconfirmed = _moves_less(found[0], states[-2], own.state)
+    state = _bar(found[0], states, unconfirmed, own.state)
+    # a reaction may be exact where the state is not, and have an error where a state is held
+    unconfirmed &= _moves_less(found[1], reactions[-2], own.reaction)
+    push = _bar(found[1], reactions, unconfirmed, own.reaction)
     return Bars(t, state, push, np.full(len(t), np.nan))
+
+
+def _moves_less(found: np.ndarray, finest: np.ndarray, own: np.ndarray) -> np.ndarray:
+    """Is the finest run moved by less than MOVED of its error bars, at each sample (k,)?"""
+    return np.linalg.norm(found - finest, axis=1) < MOVED * own
+
+
+def _bar(found: np.ndarray, runs: list[np.ndarray], unconfirmed, own: np.ndarray) -> np.ndarray:
+    """Return the error bars (k,) of an extrapolation (k, n) of all runs (k, n) but the last.
+
+    own (k,): those of the finest that is extrapolated, which count where it is `unconfirmed` (k,).
+    """
+    halved = DOUBLED * np.linalg.norm(found - _sum(weights(len(runs) - 2), runs[1:]), axis=1)
+    from_own = own + np.linalg.norm(found - runs[-2], axis=1)
+    bar = np.where(unconfirmed, np.maximum(halved, from_own), halved)
+    return np.maximum.accumulate(bar)
 
 
 def _between(finest, contacts):

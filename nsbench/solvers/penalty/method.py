@@ -5,6 +5,7 @@ The resulting smooth system is integrated by the Runge-Kutta methods of diffrax 
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -237,7 +238,8 @@ class Penalty:
 
         def run() -> Trajectory:
             runs = [at(level) for level in levels]
-            return combined(runs, 1.0 / k, lambda: at(2.0 * levels[-1])) if runs[1:] else runs[0]
+            finer = functools.partial(at, 2.0 * levels[-1])
+            return combined(runs, 1.0 / k, case, finer) if runs[1:] else runs[0]
 
         return run
 
