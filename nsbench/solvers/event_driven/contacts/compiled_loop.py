@@ -76,10 +76,10 @@ def why_in_python(options, constraints: ConstraintSet) -> str:
         return f"method={options.method} is set, and the compiled loop has its own integrator"
     if not options.compiled:
         return "compiled=false is set"
-    if constraints.moving:
-        return "constraints move"
     if any(isinstance(c, Smooth) for c in constraints.families):
         return "a Smooth constraint is no Affine or Distance"
+    if constraints.moving:
+        return "constraints move"
     return ""
 
 
