@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+from chua import chua
 
 import nsbench
 from nsbench import Case, Complementarity, Filippov, get_case, load_case, reference
@@ -267,6 +268,35 @@ def test_nothing_is_stored_when_both_agree_on_something_else(monkeypatch, tmp_pa
     with pytest.raises(ValueError, match="does not come closer"):
         reference.build(TIDE, tmp_path, PAIR, kind="runs")
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.long
+def test_a_flow_that_amplifies_errors_has_a_reference_with_the_bound_it_allows(tmp_path):
+    """Of Chua's circuit to t = 45 both runs have the same events and differ by more than 1e-8; the
+    witness of first order is lost by then, and is told to which time it confirms."""
+    case = chua(45.0)
+    ref = reference.build(case, tmp_path, kind="runs")
+    assert "same events: the flow amplifies errors; euler" in ref.how and "up to t = " in ref.how
+    finer = nsbench.solve(case, "event_driven", tol=1e-14)
+    assert 1e-8 < ref.state_error < 1e-4 and np.abs(finer.x - ref.x).max() < ref.state_error
+
+
+def test_a_witness_that_agrees_with_itself_has_another_solution(monkeypatch, tmp_path):
+    """Both event-driven runs jump half-way: what comes before is confirmed, and nothing
+    is amplified."""
+    from nsbench import solvers
+
+    honest = solvers.solve
+
+    def wrong_late(case, spec, **accuracy):
+        run = honest(case, spec, **accuracy)
+        if "event" in spec:
+            run = dataclasses.replace(run, x=run.x - 0.5 * (run.t > 1.5)[:, None])
+        return run
+
+    monkeypatch.setattr("nsbench.solvers.solve", wrong_late)
+    with pytest.raises(ValueError, match="does not come closer"):
+        reference.build(TIDE, tmp_path, PAIR, kind="runs")
 
 
 def test_verify_notices_a_reference_that_is_wrong(made, tmp_path):
