@@ -110,7 +110,10 @@ def profile_chart(methods: Methods) -> Spec:
                 "params": [PICK, ZOOM],
                 "mark": {"type": "line", "interpolate": "step-after", "strokeWidth": 1.8},
                 "encoding": {
-                    "x": _logarithmic("x", "seconds over those of the fastest method"),
+                    "x": {
+                        **_logarithmic("x", "seconds over those of the fastest method"),
+                        "axis": {"format": "~g", "tickCount": 6, "labelOverlap": True},
+                    },
                     "y": {
                         "field": "y",
                         "type": "quantitative",
