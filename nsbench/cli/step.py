@@ -6,16 +6,18 @@ import argparse
 import dataclasses
 import json
 import math
+import sys
 from collections.abc import Callable, Iterable
 
 from nsbench import solvers
 from nsbench.cli.exit_codes import FAILED, FINE
 from nsbench.cli.option_values import find_one_case
-from nsbench.compilation.announcement import announced_compilation
+from nsbench.compilation.announcement import announced_compilation, is_watched
 from nsbench.problem import Complementarity
 
 DIGITS = 10  # of an accuracy, which is a number of few digits
 COLUMNS = ("seconds", "error", "overlap")
+WIDTH = 79  # of the line on stderr that says what is being tried
 
 
 def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
@@ -32,7 +34,8 @@ def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
         say(f"{'method':<28} {'needs':<16} {_cells(COLUMNS)} {force:>9}  how sure")
     for spec in asked:
         with announced_compilation(spec):
-            choices.append(choose(case, spec, demand))
+            choices.append(choose(case, spec, demand, _announce))
+        _announce("")
         if not args.json:
             say(_line(choices[-1], force))
     best = cheapest(choices)
@@ -47,6 +50,12 @@ def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
             f"{best.seconds:.2g} s a run, {best.sure}."
         )
     return FINE if best else FAILED
+
+
+def _announce(text: str) -> None:
+    """Write what is being tried over the line on stderr, where somebody watches it."""
+    if is_watched():
+        print(f"\r{text[:WIDTH]:<{WIDTH}}\r", end="", file=sys.stderr, flush=True)
 
 
 def _asked_for(demand, n: int) -> str:

@@ -30,7 +30,7 @@ def announced_compilation(what: str) -> Iterator[None]:
 
     Nothing is said to files and pipes. Drifts, which take less than a second, are not told.
     """
-    if not _is_watched():
+    if not is_watched():
         yield
         return
     _waiting.calls.append(what)
@@ -40,7 +40,7 @@ def announced_compilation(what: str) -> Iterator[None]:
         del _waiting.calls[-1]
 
 
-def _is_watched() -> bool:
+def is_watched() -> bool:
     """Does somebody see what is written to stderr while it is written?"""
     if sys.stderr is None:
         return False

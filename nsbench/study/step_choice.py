@@ -12,6 +12,7 @@ what they claim is taken.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -110,15 +111,20 @@ def _length(name: str, text: str, size: float) -> float:
     return solvers.check_positive(f"--{name}", value)
 
 
-def choose(case: Case, spec: str, demand: Demand) -> Choice:
-    """Choose the accuracy of the method `spec` for a case; what failed is told by `why`."""
+def choose(
+    case: Case, spec: str, demand: Demand, announce: Callable[[str], None] = lambda text: None
+) -> Choice:
+    """Choose the accuracy of the method `spec` for a case; what failed is told by `why`.
+
+    announce: called before each run with the accuracy that is tried, which can take minutes.
+    """
     method = solvers.get(spec)
     refusal = method.refuses(case)
     if refusal:
         return Choice(spec, method.accuracy, why=refusal)
     if method.accuracy == "tol":
         return _by_claim(case, spec, method, demand)
-    return _Search(case, spec, method, demand).choice()
+    return _Search(case, spec, method, demand).choice(announce)
 
 
 def _by_claim(case, spec, method, demand) -> Choice:
@@ -158,6 +164,7 @@ class _Search:
         self.method = method
         self.demand = demand
         self.by_stiffness = method.accuracy == "k"
+        self.order = method.claims.state or 1.0
         span = float(case.t[-1] - case.t[0])
         self.spacing = float(np.diff(case.t).min())
         step = min(self.spacing, span / FIRST_STEPS)
@@ -165,22 +172,24 @@ class _Search:
         stiffness *= accuracy_unit(method, case)
         self.first = stiffness if self.by_stiffness else step
 
-    def choice(self) -> Choice:
+    def choice(self, announce: Callable[[str], None]) -> Choice:
         """Search, and describe the first accuracy that is enough."""
         value = self._printed(self.first)
         last = ""
         for _ in range(RUNS):
+            known = f" ({last})" if last else ""
+            announce(f"{self.spec}: trying {self.method.accuracy} = {value:.3g}{known}")
             run, found, ratio = self._tried(value)
             if found.is_found and ratio <= 1.0:
                 return replace(found, seconds=_seconds(run))
             last = found.why or f"with {self.method.accuracy} = {value:.3g} it is {found.error:.2g}"
             if not found.is_found and not np.isfinite(ratio):
                 ratio = SAFETY / 0.5  # a run that failed says nothing of how much is missing
-            change = min(max(SAFETY / ratio, LEAST), 0.75)
+            change = min(max((SAFETY / ratio) ** (1.0 / self.order), LEAST), 0.75)
             value = self._printed(value / change if self.by_stiffness else value * change)
             if self._is_too_long(value):
                 break
-        return Choice(self.spec, self.method.accuracy, why=f"Not reached: {last}.")
+        return Choice(self.spec, self.method.accuracy, why=f"Not reached: {last.rstrip('.')}.")
 
     def _printed(self, value: float) -> float:
         """Round to the digits that are printed, or to more of a step where fewer would give another
@@ -207,8 +216,7 @@ class _Search:
         known = Choice(self.spec, self.method.accuracy, why=str(traj.status))
         if not traj.status.ok:
             return run, known, math.inf
-        has_bars = getattr(self.method, "has_error_bars", False)
-        has_bars = has_bars and not without_error_bars(self.case)
+        has_bars = traj.bound is not None and not without_error_bars(self.case)
         bars = traj.bound if has_bars else self._compared(value, traj)
         over = 0.0
         violation = _violation(self.case, traj)

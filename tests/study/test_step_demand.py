@@ -8,7 +8,7 @@ import pytest
 from nsbench import Case, Complementarity, Distance, Filippov, errors, get_case, solve, solvers
 from nsbench.error_bars import Bars, ErrorBars
 from nsbench.study import step_choice
-from nsbench.study.step_choice import COMPARED, Demand, choose, demand_of
+from nsbench.study.step_choice import COMPARED, ESTIMATED, Demand, choose, demand_of
 
 
 def at_rest(*families):
@@ -86,6 +86,19 @@ def test_a_case_without_error_bars_is_compared_with_shorter_steps():
     case = get_case("tide").replace(t=np.array([0.0, 1.0]))
     found = choose(case, "pbd", Demand(0.1))
     assert found.is_found and found.error <= 0.1 and found.sure == COMPARED
+
+
+def test_an_extrapolation_takes_its_own_error_bars_and_its_order():
+    """Shorter steps differed by 1e-13 from a run that missed a touch by 7e-4, and steps were
+    shortened as for order one: three times too much."""
+    tried = []
+    for name, asked in (("graze", 5e-4), ("dragged_disc", 1e-5)):
+        case = get_case(name)
+        found = choose(case, "richardson", Demand(asked), tried.append)
+        run = solve(case, "richardson", h=found.accuracy)
+        assert found.sure == ESTIMATED and errors(case, run)["state_sup"] <= asked
+    assert found.error > 0.5 * asked
+    assert tried[-2].startswith("richardson: trying h = 0.05") and "it is 0.000" in tried[-1]
 
 
 def test_an_overlap_is_seen_where_no_error_bar_can_be_had(monkeypatch):
