@@ -163,7 +163,7 @@ class Journal:
         """Append the rows of some runs, each as (key, row, parts of the key), and sync once.
 
         The items of a part are written once, before the first such row. Raises StoreError if that
-        fails; the whole lines that were written are kept.
+        fails; where the disk was full the whole lines that fitted are kept.
         """
         lines = []
         new: set[str] = set()
@@ -183,7 +183,9 @@ class Journal:
             os.fsync(self._file)
         except OSError as e:
             with contextlib.suppress(OSError):
-                os.ftruncate(self._file, size + data.rfind(b"\n", 0, written) + 1)
+                # lines that were not synced are not stored for certain
+                whole = data.rfind(b"\n", 0, written) + 1 if written < len(data) else 0
+                os.ftruncate(self._file, size + whole)
                 os.fsync(self._file)
             raise StoreError(
                 f"cannot write {self.path}: {e.strerror}; what was finished before is kept"

@@ -199,7 +199,9 @@ class _Search:
         steps = self._steps(value)
         step = self.spacing / steps
         tried = (_rounded_up(step, digits) for digits in range(DIGITS, MOST_DIGITS))
-        return next((v for v in tried if self._steps(v) == steps), step)
+        longest = self.spacing * (1.0 + ROUNDING)  # longer ones do not end at the samples
+        enough = (v for v in tried if self._steps(v) == steps and step <= v <= longest)
+        return next(enough, step)
 
     def _steps(self, value: float) -> int:
         """Return the number of steps of about this length between two samples."""
