@@ -24,17 +24,17 @@ and the sum of norms is an estimate, no bound. docs/error_bars.md has the proof.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
 
-from nsbench.dynamics.contacts.candidates import PAIR, ROW
+from nsbench.dynamics.contacts.candidates import ROW
 from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 from nsbench.error_bars.contact_rows import ContactRows, size
 from nsbench.error_bars.drift import Drift
 from nsbench.error_bars.entry import LINEARISED
-from nsbench.error_bars.growth import Linear, linear_drift
+from nsbench.error_bars.growth import Linear, Tube, enclosed_drift, linear_drift
 from nsbench.error_bars.local_solution import MOST_PIECES, local_solution
 from nsbench.error_bars.scene_kernels import SceneKernels
 from nsbench.error_bars.shadow import Shadow, Stretch, bezier_middle
@@ -45,6 +45,9 @@ CANCELLED = 0.05
 ACTS = 1e-12  # of the largest impulse of an interval: less of one is rounding of a QP
 DEPENDENT = 1e-12  # singular value of unit gradients below which it is one of rounding
 ENTRIES = 2_000_000  # of gradients that are evaluated at once
+TUBES = 4  # that are tried, each WIDER times the error that the last one allows
+WIDER = 2.0
+BOXES = 64  # of a tube
 
 
 @dataclass(frozen=True)
@@ -63,7 +66,9 @@ class Growth:
 
     state (K,): of |x_n - x*|. R_n - R* is known (K, n), less what the drift of the run differs from
     that of the curve, times factor, and a rest of at most reaction (K,). vector (K, n): x_n - x*
-    itself, of an estimate, of at most the size `unallowed` (K,); of a bound there is none.
+    itself, of an estimate, of at most the size `unallowed` (K,); of a bound there is none. apart:
+    the most that the curve and x* are apart at any time, and is_proven: does the drift have its
+    constants there? Both of a bound.
     """
 
     factor: float
@@ -73,6 +78,8 @@ class Growth:
     known: np.ndarray
     vector: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
     unallowed: np.ndarray = field(default_factory=lambda: np.empty(0))
+    apart: float = np.nan
+    is_proven: bool = False
 
 
 @dataclass(frozen=True)
@@ -191,25 +198,69 @@ class Path:
         self.stretches[j] = found.pieces
 
     def bound(self) -> Growth:
-        """Return the parts of the bound: convex constraints with flat faces."""
+        """Return the parts of the bound: convex constraints with flat faces.
+
+        It is proven where the Lipschitz constants of the drift hold between the curve and the exact
+        motion: in a tube that is as wide as the bound says. Such a tube is looked for from the
+        bound whose constants are those of a few states.
+        """
         drift = linear_drift(self.shadow.drift, self.nodes.t, self.Y)
+        found = self._bound(drift)
+        for _ in range(TUBES):
+            radius = WIDER * found.apart
+            if not np.isfinite(radius):
+                break
+            enclosed = enclosed_drift(drift, self.shadow.drift, self._tube().widened(radius))
+            if not enclosed.is_proven:
+                break
+            if len(enclosed.rates):
+                found = self._bound(enclosed)
+            if found.apart <= radius:
+                return replace(found, is_proven=True)
+        return found
+
+    def _tube(self) -> Tube:
+        """Return boxes around the curve, of BOXES parts of the time at most."""
+        low, high = (
+            np.array(
+                [
+                    part(np.vstack([self.Y[j : j + 2], *(s.states for s in self.stretches[j])]), 0)
+                    for j in range(len(self.H))
+                ]
+            )
+            for part in (np.min, np.max)
+        )
+        first = np.unique(np.linspace(0, len(self.H), BOXES + 1).astype(int))[:-1]
+        box = np.searchsorted(first, np.arange(len(self.H)), side="right") - 1
+        t = np.append(self.nodes.t[first], self.nodes.t[-1])
+        return Tube(t, np.minimum.reduceat(low, first), np.maximum.reduceat(high, first), box)
+
+    def _bound(self, drift: Linear) -> Growth:
         offset = self.nodes.x - self.Y
         apart = np.linalg.norm(offset, axis=1)
         if not self.shadow.is_flat:  # too many constraints to look at all of them
             e = self._norms(drift, apart[0])
-            area = np.append(0.0, np.cumsum(self.H * np.maximum(e[1:], e[:-1])))
-            return Growth(1.0, apart + e, e + drift.two_sided * area + self.doubts(), offset)
+            widest = self._widest(e, drift)
+            area = np.append(0.0, np.cumsum(self.H * widest))
+            reaction = e + drift.two_sided * area + self.doubts()
+            return Growth(1.0, apart + e, reaction, offset, apart=float(widest.max()))
         w = SplitBound(self, drift).carried(-offset[0])
         directed = np.linalg.norm(offset + w.delta, axis=1) + w.radius
         known = offset + w.delta - w.pulled
         rest = w.radius + w.unknown + self.doubts()
-        return Growth(1.0, np.minimum(apart + w.norm, directed), rest, known)
+        widest = float(self._widest(w.norm, drift).max())
+        return Growth(1.0, np.minimum(apart + w.norm, directed), rest, known, apart=widest)
+
+    def _widest(self, e: np.ndarray, drift: Linear) -> np.ndarray:
+        """Return (K - 1,) bounds of |Y - x| within the intervals from those e (K,) at the nodes."""
+        rates = drift.rates if len(drift.rates) else drift.one_sided
+        return np.maximum(1.0, np.exp(rates * self.H)) * (e[:-1] + self.size)
 
     def _norms(self, drift: Linear, first: float) -> np.ndarray:
         """Return (K,) bounds of |Y - x| by its size alone."""
         e = np.full(len(self.nodes.t), first)
         for j, H in enumerate(self.H):
-            e[j + 1] = np.exp(drift.one_sided * H) * e[j] + self.added(j, drift.one_sided)
+            e[j + 1] = np.exp(drift.rate(j) * H) * e[j] + self.added(j, drift.rate(j))
         return e
 
     def estimate(self) -> Growth:
@@ -258,20 +309,18 @@ class Path:
         if not self.shadow.is_flat:
             return False
         rows = self.shadow.all_rows()
-        apart = (rows.near.kind == PAIR) & (rows.near.sign > 0)
-        if not rows.is_moving:
-            apart = (rows.near.kind != ROW) & (rows.near.dim == 1) & (rows.near.sign > 0)
+        apart = (rows.near.kind != ROW) & (rows.near.dim == 1) & (rows.near.sign > 0)
         if not apart.any():
             return False
         t = self.nodes.t
-        N = rows.gradients(t[:1], self.nodes.x[:1]).dense()[0]
-        first = rows.gaps(t[:1], self.nodes.x[:1])[0]
-        for X in (self.nodes.x, self.Y):
-            straight = first + (X - self.nodes.x[0]) @ N.T
-            off = np.abs(rows.gaps(t, X) - straight)[:, apart]
-            if off.max() > 1e-9 * max(1.0, float(np.abs(X).max())):
-                return True
-        return False
+        first = rows.gradients(t[:1], self.nodes.x[:1])
+        along = np.where(np.arange(first.values.shape[2]) < first.count[:, None], first.values, 0.0)
+        # on a line a gradient has one direction, and turns where its ends change places
+        products = [
+            (rows.gradients(t, X).values * along)[:, apart].sum(axis=2)
+            for X in (self.nodes.x, self.Y)
+        ]
+        return any(bool(np.any(p < 0.0)) for p in products)
 
     def least_singular_values(self) -> np.ndarray:
         """Return (K,) the least singular values of the unit gradients of the contacts that acted

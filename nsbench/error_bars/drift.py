@@ -16,14 +16,15 @@ class Drift:
 
     n: coordinates. origin, time, length: t0, T and L, of units in which the drift is not written.
     It is compiled as the user wrote it, as for the runs of the case, and scaled where it is
-    evaluated: one compilation serves both. units: origin, time, length. function: the drift for
-    kernels, without these. is_compiled: could numba compile it?
+    evaluated: one compilation serves both. units: origin, time, length. factory: as the user wrote
+    it. function: the drift for kernels. is_compiled: could numba compile it?
     """
 
     def __init__(
         self, drift: Callable, n: int, origin: float = 0.0, time: float = 1.0, length: float = 1.0
     ):
         self.units = origin, time, length
+        self.factory = drift
         # as the user wrote it, and how to compile it
         self.function = drift_function(drift, n)
         try:

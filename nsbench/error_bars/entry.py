@@ -216,7 +216,9 @@ def _in_own_units(given: Case, own: ScaledCase, traj: Trajectory) -> Bars:
     proven = proven and not passed
     at = np.searchsorted(nodes.t, traj.t)
     parts = path.bound() if proven else path.estimate()
-    proven = proven and path.is_complete and path.is_feasible
+    if proven and not parts.is_proven:  # no bound of the drift's derivative: as along other curves
+        parts = path.estimate()
+    proven = parts.is_proven and path.is_complete and path.is_feasible
     # rounding of one addition per step, which no residual shows
     rounding = float(np.spacing(np.abs(traj.x).max())) * traj.stats.get("steps", len(nodes.t))
     own_drift = traj.x - traj.x[0] - traj.reaction

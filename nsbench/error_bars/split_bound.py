@@ -224,7 +224,7 @@ class SplitBound:
             unknown += more_unknown
         if not len(stretch.residual):  # a local solution, from which Y jumps
             new = replace(new, delta=new.delta + self.path.push[j])
-        grown = max(1.0, np.exp(self.drift.one_sided * self.path.H[j]))
+        grown = max(1.0, np.exp(self.drift.rate(j) * self.path.H[j]))
         widened = new.radius - grown * known.radius
         if new.radius > max(UNKNOWN * new.size, LEAST) and widened > WIDENED * new.size:
             second = self._by_second_solution(j, known)
@@ -250,7 +250,7 @@ class SplitBound:
         found = local_solution(shadow, t, H, start, path.Y[j + 1])
         if not found.is_complete:
             return None
-        factor = np.exp(self.drift.one_sided * H)
+        factor = np.exp(self.drift.rate(j) * H)
         apart = known.radius + size(start - near)
         radius = factor * apart + max(1.0, factor) * found.residual
         most = max(1.0, factor) * (apart + found.residual)
@@ -259,7 +259,7 @@ class SplitBound:
         return new, path.along[j] - found.drift, unknown
 
     def _norm_bound(self, j, e) -> float:
-        one_sided = self.drift.one_sided
+        one_sided = self.drift.rate(j)
         return np.exp(one_sided * self.path.H[j]) * e + self.path.added(j, one_sided)
 
     def _carried(self, at: Stretch, known: Known) -> tuple[Known, np.ndarray, float]:

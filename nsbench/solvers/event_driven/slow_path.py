@@ -12,7 +12,7 @@ import numpy as np
 
 from nsbench.solvers.event_driven.filippov.kernels import loop_state as codes
 from nsbench.solvers.event_driven.filippov.tracing.refusals import UNTRACEABLE, describe_refusal
-from nsbench.solvers.event_driven.interval_taylor import Jet, as_jet
+from nsbench.dynamics.interval_taylor import Jet, as_jet
 
 class HostNotes(NamedTuple):
     """Why a run may be in Python, and why the kinks of its drift are not found by tracing; "" if

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from jax.experimental import jet as series
 
-from nsbench.solvers.event_driven.interval_taylor import ORDER, SPACE, as_jet, clock, path
+from nsbench.dynamics.interval_taylor import ORDER, SPACE, as_jet, clock, path
 
 MATRIX = np.array([[0.3, -1.2], [0.7, 0.1]])
 CALLS = {

@@ -10,7 +10,7 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.compilation.factories import as_numpy
 from nsbench.solvers.event_driven.contacts.kernels.loop_state import AffineDrift
-from nsbench.solvers.event_driven.interval_taylor import ORDER, SPACE, Jet, as_jet
+from nsbench.dynamics.interval_taylor import ORDER, SPACE, Jet, as_jet
 
 MAX_STATES = 4000  # beyond, evaluating the columns of A one by one takes too long
 UNDERFLOW = 1e-280  # Jets add less than this to a product of zeros, against underflow

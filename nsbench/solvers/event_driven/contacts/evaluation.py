@@ -21,7 +21,7 @@ from nsbench.dynamics.contacts.kernels.contact_arrays import Layout
 from nsbench.dynamics.scaling.estimate import case_scale
 from nsbench.problem import Affine, Distance, Smooth
 from nsbench.solvers.event_driven.contacts.kinked_drift import KinkedDrift
-from nsbench.solvers.event_driven.interval_taylor import SPACE, Jet
+from nsbench.dynamics.interval_taylor import SPACE, Jet
 
 # Up to so many pairs of hard particles all are candidates, without a bound on the displacement.
 MAX_UNCERTIFIED_PAIRS = 2000

@@ -14,7 +14,7 @@ import numpy as np
 
 from nsbench.case.scale import time_text
 from nsbench.solvers.event_driven.filippov.program import TracedPrograms
-from nsbench.solvers.event_driven.interval_taylor import ORDER, Jet
+from nsbench.dynamics.interval_taylor import ORDER, Jet
 from nsbench.trajectory import Status
 
 FLAT = 1e-7  # relative size below which the rate of an argument decides nothing

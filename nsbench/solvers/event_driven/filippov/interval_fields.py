@@ -14,7 +14,7 @@ import numpy as np
 
 from nsbench.dynamics.filippov.vector_field import FREE
 from nsbench.problem import Filippov
-from nsbench.solvers.event_driven.interval_taylor import SPACE
+from nsbench.dynamics.interval_taylor import SPACE
 
 
 def interval_fields(problem: Filippov) -> Callable:

@@ -19,7 +19,7 @@ from nsbench.problem import Hybrid
 from nsbench.solvers.base import Run
 from nsbench.solvers.event_driven.accumulation import MAX_EVENTS_AT_ONE_INSTANT, accumulation
 from nsbench.solvers.event_driven.filippov.mode_search import LOCATED
-from nsbench.solvers.event_driven.interval_taylor import SPACE
+from nsbench.dynamics.interval_taylor import SPACE
 from nsbench.solvers.event_driven.smooth.arc import UNPROVEN_PARTS, integrate_to_event
 from nsbench.trajectory import Event, Resolution, Status, Trajectory
 

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nsbench.solvers.event_driven.interval_taylor import ORDER, as_jet, clock, path
+from nsbench.dynamics.interval_taylor import ORDER, as_jet, clock, path
 from nsbench.solvers.event_driven.smooth.integrators import Integrator
 
 DEGREE = ORDER - 1  # of the interpolants: one more than the dense output of DOP853

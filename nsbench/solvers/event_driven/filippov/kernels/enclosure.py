@@ -1,6 +1,6 @@
 """Interval Taylor enclosure of a traced program over a piece of time, derivatives included.
 
-The arithmetic is that of nsbench.solvers.event_driven.interval_taylor, for programs.
+The arithmetic is that of nsbench.dynamics.interval_taylor, for programs.
 
 The path is a polynomial in s, |s| <= 1, over the piece. Row by row, M +- R encloses the
 coefficients q^(j)(s) / j! (time in units of the piece's radius) of every operation, j = 0 .. ORDER,
@@ -16,7 +16,7 @@ from nsbench.compilation.decorators import inner_kernel, njit
 from nsbench.solvers.event_driven.filippov.kernels import opcodes as op
 from nsbench.solvers.event_driven.filippov.kernels.loop_state import ALL_END, BEGIN
 from nsbench.solvers.event_driven.filippov.kernels.polynomial_root import CHOOSE
-from nsbench.solvers.event_driven.interval_taylor.kernels.coefficient_recurrences import TINY, UNIT
+from nsbench.dynamics.interval_taylor.kernels.coefficient_recurrences import TINY, UNIT
 
 # of derivatives: with 9 the cases of tests/studies/speed/filippov.py took 17 to 37 % longer; with
 # 15 some more, some less

@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from nsbench.solvers.event_driven.array_operator_mixin import ArrayOperators
+from nsbench.dynamics.array_operator_mixin import ArrayOperators
 from nsbench.solvers.event_driven.filippov.tracing import kinks
 from nsbench.solvers.event_driven.filippov.tracing.graph import Graph
 from nsbench.solvers.event_driven.filippov.tracing.refusals import NO_NUMBER, refusal

@@ -3,16 +3,17 @@
 Over pieces of an interval (see interval_taylor.jet).
 """
 
-from nsbench.solvers.event_driven.interval_taylor.jet import (
+from nsbench.dynamics.interval_taylor.jet import (
     ORDER,
     SPACE,
     Jet,
     as_jet,
     clock,
+    enclosing,
     path,
 )
-from nsbench.solvers.event_driven.interval_taylor.numpy_functions import register
+from nsbench.dynamics.interval_taylor.numpy_functions import register
 
-__all__ = ["ORDER", "SPACE", "Jet", "as_jet", "clock", "path"]
+__all__ = ["ORDER", "SPACE", "Jet", "as_jet", "clock", "enclosing", "path"]
 
 register()

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsbench.solvers.event_driven.interval_taylor import arithmetic, nonsmooth
-from nsbench.solvers.event_driven.interval_taylor.jet import as_jet, register_numpy_functions
+from nsbench.dynamics.interval_taylor import arithmetic, nonsmooth
+from nsbench.dynamics.interval_taylor.jet import as_jet, register_numpy_functions
 
 UFUNCS = {
     np.add: arithmetic.add,

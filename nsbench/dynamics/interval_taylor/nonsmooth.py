@@ -9,8 +9,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from nsbench.solvers.event_driven.interval_taylor.arithmetic import pair, subtract
-from nsbench.solvers.event_driven.interval_taylor.jet import Jet, as_jet, jets_among
+from nsbench.dynamics.interval_taylor.arithmetic import pair, subtract
+from nsbench.dynamics.interval_taylor.jet import Jet, as_jet, jets_among
 
 
 def _either(a, b, first, second):

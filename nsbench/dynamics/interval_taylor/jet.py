@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
-from nsbench.solvers.event_driven.array_operator_mixin import ArrayOperators
+from nsbench.dynamics.array_operator_mixin import ArrayOperators
 
 ORDER = 9  # one more than the degree of the interpolants that the last coefficient bounds
 # numbers below it among those of entries are values of the caller's that came in with them
@@ -169,6 +169,14 @@ def as_jet(value, pieces: int) -> Jet:
     mid = np.zeros((*a.shape, pieces, ORDER + 1))
     mid[..., 0] = a[..., None]
     return Jet(mid, np.zeros_like(mid))
+
+
+def enclosing(mid: np.ndarray, rad: np.ndarray) -> Jet:
+    """Return every constant within mid +- rad, each (*shape, K), on K pieces as a Jet."""
+    coefficients = np.zeros((2, *np.shape(mid), ORDER + 1))
+    coefficients[0, ..., 0] = mid
+    coefficients[1, ..., 0] = rad + 1e-15 * (np.abs(mid) + rad)
+    return Jet(*coefficients)
 
 
 def _arranged(func, *args, **kwargs):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsbench.solvers.event_driven.interval_taylor.jet import ORDER, Jet, as_jet, jets_among
-from nsbench.solvers.event_driven.interval_taylor.kernels import coefficient_recurrences
+from nsbench.dynamics.interval_taylor.jet import ORDER, Jet, as_jet, jets_among
+from nsbench.dynamics.interval_taylor.kernels import coefficient_recurrences
 
 UNIT = coefficient_recurrences.UNIT
 
