@@ -220,20 +220,21 @@ class Path:
         return found
 
     def _tube(self) -> Tube:
-        """Return boxes around the curve, of BOXES parts of the time at most."""
-        low, high = (
-            np.array(
-                [
-                    part(np.vstack([self.Y[j : j + 2], *(s.states for s in self.stretches[j])]), 0)
-                    for j in range(len(self.H))
-                ]
-            )
-            for part in (np.min, np.max)
-        )
+        """Return boxes around the curve, of BOXES parts of the time at most: each holds nodes and
+        control points."""
         first = np.unique(np.linspace(0, len(self.H), BOXES + 1).astype(int))[:-1]
+        states = [np.concatenate([s.states for s in self.stretches[j]]) for j in range(len(self.H))]
+        count = np.cumsum([0, *map(len, states)])
+        low, high = (
+            of(
+                of.reduceat(np.concatenate(states), count[first]),
+                of(of.reduceat(self.Y[:-1], first), of.reduceat(self.Y[1:], first)),
+            )
+            for of in (np.minimum, np.maximum)
+        )
         box = np.searchsorted(first, np.arange(len(self.H)), side="right") - 1
         t = np.append(self.nodes.t[first], self.nodes.t[-1])
-        return Tube(t, np.minimum.reduceat(low, first), np.maximum.reduceat(high, first), box)
+        return Tube(t, low, high, box)
 
     def _bound(self, drift: Linear) -> Growth:
         offset = self.nodes.x - self.Y

@@ -132,6 +132,7 @@ class Shadow:
         field = np.empty_like(residual)
         inside = np.ones(len(t), bool)
         q = np.zeros((len(QUARTERS), len(t), rows.m))
+        pace = np.zeros_like(q)  # of the faces
         for e, w in enumerate(QUARTERS):
             P, dP = hermite(w, H[:, None], Y0, Y1, V0, V1)
             s = t + w * H
@@ -146,7 +147,8 @@ class Shadow:
             if rows.m:
                 N = rows.gradients(s, P)
                 # the normal velocity is that of the moving face, whatever the polynomial's is
-                lack = N.times(dP) + rows.rates(s, P)
+                pace[e] = rows.rates(s, P)
+                lack = N.times(dP) + pace[e]
                 rest, q[e] = N.off_cone(rest - N.normal_part(lack))
             residual[e] = rest
             if w == 0.5:
@@ -162,8 +164,13 @@ class Shadow:
         unseen = np.zeros(len(t))
         for w, weights in zip(HIDDEN, HIDDEN_WEIGHTS, strict=True):
             P, _ = hermite(w, H[:, None], Y0, Y1, V0, V1)
-            expected = np.tensordot(weights, field, axes=1)
-            off = np.linalg.norm(self.fields(t + w * H, P) - expected, axis=1)
+            s = t + w * H
+            moves = rows.m and rows.is_moving
+            P = rows.closed(s, P) if moves else P
+            off = np.linalg.norm(self.fields(s, P) - np.tensordot(weights, field, axes=1), axis=1)
+            if moves:
+                rates = rows.rates(s, P) - np.tensordot(weights, pace, axes=1)
+                off += np.linalg.norm(rates, axis=1)
             unseen = np.maximum(unseen, H * off)
         controls = bezier(Y0, Y1, H[:, None] * V0, H[:, None] * V1)
         controls += middle - bezier_middle(controls)

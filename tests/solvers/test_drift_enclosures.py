@@ -102,3 +102,19 @@ def test_a_particle_that_jumped_over_an_anchor_is_seen_beside_a_moving_wall():
     run = nsbench.solve(case, "pbd", h=0.3)
     assert run.x[-1, 0] < 0.0 and not run.bound.is_proven and "passed" in run.bound.why
     assert nsbench.solve(case, "catching_up", h=0.3).bound.is_proven
+
+
+def test_a_wall_that_moves_between_the_quarters_of_a_step_is_seen():
+    """At the quarters its velocity vanishes; the bar says that the run knows nothing of it."""
+    h = 0.1
+    floor = Affine(
+        np.array([[1.0, 0.0]]),
+        lambda xp: lambda t: -0.02 * xp.sin(4.0 * np.pi * t / h) ** 2 * xp.ones(1),
+    )
+    drift = lambda xp: lambda t, x: xp.array([-1.0 + 0.0 * x[0], x[0]])
+    t = np.linspace(0.0, 2.0, 21)
+    case = Case("wall", Complementarity(drift, (floor,)), np.zeros(2), t)
+    run = nsbench.solve(case, "pbd", h=h)
+    exact = nsbench.solve(case, "event_driven")
+    assert (run.bound.state >= np.linalg.norm(run.x - exact.x, axis=1)).all()
+    assert run.bound.state.max() > 2.0
