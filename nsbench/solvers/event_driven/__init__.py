@@ -2,8 +2,7 @@
 
 method: options and choice of the problem class. contacts: Complementarity systems. filippov:
 Filippov systems. lcs: linear complementarity systems. hybrid: hybrid systems. smooth: integration
-of one smooth arc to its first event. interval_taylor: enclosures of the functions of a case.
-accumulation: Zeno behaviour.
+of one smooth arc to its first event. accumulation: Zeno behaviour.
 """
 
 from nsbench.solvers.event_driven.method import SOLVER
