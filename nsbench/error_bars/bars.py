@@ -45,7 +45,7 @@ CANCELLED = 0.05
 ACTS = 1e-12  # of the largest impulse of an interval: less of one is rounding of a QP
 DEPENDENT = 1e-12  # singular value of unit gradients below which it is one of rounding
 ENTRIES = 2_000_000  # of gradients that are evaluated at once
-TUBES = 4  # that are tried, each WIDER times the error that the last one allows
+TUBES = 6  # that are tried, each WIDER times the last one
 WIDER = 2.0
 BOXES = 64  # of a tube
 
@@ -201,22 +201,26 @@ class Path:
         """Return the parts of the bound: convex constraints with flat faces.
 
         It is proven where the Lipschitz constants of the drift hold between the curve and the exact
-        motion: in a tube that is as wide as the bound says. Such a tube is looked for from the
-        bound whose constants are those of a few states.
+        motion. A derivative that is the same in a tube twice as wide as the bound is one of A x +
+        u(t). Any other is enclosed in tubes from twice the estimated error on, until one is as wide
+        as the bound that follows from it.
         """
         drift = linear_drift(self.shadow.drift, self.nodes.t, self.Y)
         found = self._bound(drift)
+        tube = self._tube()
+        enclosed = enclosed_drift(drift, self.shadow.drift, tube.widened(WIDER * found.apart))
+        if enclosed.is_proven and not enclosed.boxes:
+            return replace(found, is_proven=True)
+        delta = self.estimate().vector - (self.nodes.x - self.Y)
+        radius = WIDER * float(np.linalg.norm(delta, axis=1).max() + self.size.max())
         for _ in range(TUBES):
-            radius = WIDER * found.apart
-            if not np.isfinite(radius):
-                break
-            enclosed = enclosed_drift(drift, self.shadow.drift, self._tube().widened(radius))
+            enclosed = enclosed_drift(drift, self.shadow.drift, tube.widened(radius))
             if not enclosed.is_proven:
                 break
-            if len(enclosed.rates):
-                found = self._bound(enclosed)
+            found = self._bound(enclosed)
             if found.apart <= radius:
                 return replace(found, is_proven=True)
+            radius *= WIDER
         return found
 
     def _tube(self) -> Tube:
@@ -254,14 +258,15 @@ class Path:
 
     def _widest(self, e: np.ndarray, drift: Linear) -> np.ndarray:
         """Return (K - 1,) bounds of |Y - x| within the intervals from those e (K,) at the nodes."""
-        rates = drift.rates if len(drift.rates) else drift.one_sided
+        rates = np.array([drift.at(j).one_sided for j in range(len(self.H))])
         return np.maximum(1.0, np.exp(rates * self.H)) * (e[:-1] + self.size)
 
     def _norms(self, drift: Linear, first: float) -> np.ndarray:
         """Return (K,) bounds of |Y - x| by its size alone."""
         e = np.full(len(self.nodes.t), first)
         for j, H in enumerate(self.H):
-            e[j + 1] = np.exp(drift.rate(j) * H) * e[j] + self.added(j, drift.rate(j))
+            one_sided = drift.at(j).one_sided
+            e[j + 1] = np.exp(one_sided * H) * e[j] + self.added(j, one_sided)
         return e
 
     def estimate(self) -> Growth:

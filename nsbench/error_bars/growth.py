@@ -16,20 +16,22 @@ LOOKS = 5  # states of a run at which the derivative of the drift is taken
 @dataclass(frozen=True)
 class Linear:
     """Drift near a run: derivative J (n, n), by how much it changes along the run, one-sided and
-    two-sided Lipschitz constants (the change included). rates (K - 1,): the one-sided one by
-    interval of the run, where it changes; else empty. is_proven: do they hold wherever they were
-    enclosed, or is the change a guess from LOOKS states?"""
+    two-sided Lipschitz constants (the change included). boxes: the same in the boxes of a tube, if
+    the derivative changes between them, and box (K - 1,): that of each interval of the run.
+    is_proven: do they hold wherever they were enclosed, or is the change a guess from LOOKS states?
+    """
 
     J: np.ndarray
     change: float
     one_sided: float
     two_sided: float
-    rates: np.ndarray = field(default_factory=lambda: np.empty(0))
+    boxes: tuple[Linear, ...] = ()
+    box: np.ndarray = field(default_factory=lambda: np.empty(0, int))
     is_proven: bool = False
 
-    def rate(self, j: int) -> float:
-        """Return the one-sided Lipschitz constant in interval j."""
-        return float(self.rates[j]) if len(self.rates) else self.one_sided
+    def at(self, j: int) -> Linear:
+        """Return the drift in interval j."""
+        return self.boxes[self.box[j]] if self.boxes else self
 
 
 @dataclass(frozen=True)
@@ -90,8 +92,8 @@ def enclosed_drift(linear: Linear, drift: Drift, tube: Tube) -> Linear:
     if not np.all(np.isfinite(off)):
         return linear
     found = _with_change(linear.J, mid, float(off.max()))
-    largest = np.linalg.eigvalsh(0.5 * (mid + mid.transpose(0, 2, 1)))[:, -1] + unsure
-    return replace(found, rates=largest[tube.box], is_proven=True)
+    boxes = [_with_change(J, J[None], change) for J, change in zip(mid, unsure, strict=True)]
+    return replace(found, boxes=tuple(boxes), box=tube.box, is_proven=True)
 
 
 def _with_change(middle: np.ndarray, J: np.ndarray, change: float) -> Linear:

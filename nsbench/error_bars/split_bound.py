@@ -73,6 +73,7 @@ class Split:
         if not np.all(np.isfinite(drift.J)):
             raise ArithmeticError("the derivative of the drift is not finite")
         self.contacts = contacts
+        self.drift = drift
         self.groups = [np.empty(0, int), *_coupled(N)]
         n = len(drift.J)
         bases = [_span(N[g]) for g in self.groups[1:]]
@@ -185,17 +186,19 @@ class SplitBound:
         self._gaps = {id(s): g for s, g in zip(stretches, gaps, strict=True)}
         self._splits: dict[tuple, Split] = {}
 
-    def split(self, contacts: tuple) -> Split:
-        """Return the subspaces of contacts, by their places among all rows."""
-        if contacts not in self._splits:
-            self._splits[contacts] = Split(contacts, self.N[list(contacts)], self.drift)
-        return self._splits[contacts]
+    def split(self, contacts: tuple, j: int) -> Split:
+        """Return the subspaces of contacts, by their places among all rows, in interval j."""
+        drift = self.drift.at(j)
+        key = contacts, id(drift)
+        if key not in self._splits:
+            self._splits[key] = Split(contacts, self.N[list(contacts)], drift)
+        return self._splits[key]
 
     def carried(self, start: np.ndarray) -> Carried:
         """Carry the error start (n,) of the curve to all nodes."""
         K = len(self.path.nodes.t)
         out = Carried(*(np.zeros((K, len(start))) for _ in range(2)), *np.zeros((3, K)))
-        known = Known(start, self.split(()), np.zeros(1))
+        known = Known(start, self.split((), 0), np.zeros(1))
         out.delta[0] = start
         out.norm[0] = np.linalg.norm(start)
         for j in range(len(self.path.H)):
@@ -207,7 +210,7 @@ class SplitBound:
             out.norm[j + 1] = min(norm, new.size)
             known = new
             if norm < new.radius:
-                known = Known(np.zeros_like(start), self.split(()), np.array([norm]))
+                known = Known(np.zeros_like(start), self.split((), j), np.array([norm]))
             out.delta[j + 1] = known.delta
             out.radius[j + 1] = known.radius
         return out
@@ -219,12 +222,12 @@ class SplitBound:
         pulled = np.zeros_like(known.delta)
         unknown = 0.0
         for stretch in self.path.stretches[j]:
-            new, more_pulled, more_unknown = self._carried(stretch, new)
+            new, more_pulled, more_unknown = self._carried(j, stretch, new)
             pulled += more_pulled
             unknown += more_unknown
         if not len(stretch.residual):  # a local solution, from which Y jumps
             new = replace(new, delta=new.delta + self.path.push[j])
-        grown = max(1.0, np.exp(self.drift.rate(j) * self.path.H[j]))
+        grown = max(1.0, np.exp(self.drift.at(j).one_sided * self.path.H[j]))
         widened = new.radius - grown * known.radius
         if new.radius > max(UNKNOWN * new.size, LEAST) and widened > WIDENED * new.size:
             second = self._by_second_solution(j, known)
@@ -250,28 +253,29 @@ class SplitBound:
         found = local_solution(shadow, t, H, start, path.Y[j + 1])
         if not found.is_complete:
             return None
-        factor = np.exp(self.drift.rate(j) * H)
+        drift = self.drift.at(j)
+        factor = np.exp(drift.one_sided * H)
         apart = known.radius + size(start - near)
         radius = factor * apart + max(1.0, factor) * found.residual
         most = max(1.0, factor) * (apart + found.residual)
-        new = Known(path.Y[j + 1] - found.state, self.split(()), np.array([radius]))
-        unknown = found.doubt + self.drift.two_sided * H * most
+        new = Known(path.Y[j + 1] - found.state, self.split((), j), np.array([radius]))
+        unknown = found.doubt + drift.two_sided * H * most
         return new, path.along[j] - found.drift, unknown
 
     def _norm_bound(self, j, e) -> float:
-        one_sided = self.drift.rate(j)
+        one_sided = self.drift.at(j).one_sided
         return np.exp(one_sided * self.path.H[j]) * e + self.path.added(j, one_sided)
 
-    def _carried(self, at: Stretch, known: Known) -> tuple[Known, np.ndarray, float]:
-        """Return what is known of the error at the end of a stretch, the integral (n,) of J w over
-        it, and a bound of what that lacks."""
+    def _carried(self, j: int, at: Stretch, known: Known) -> tuple[Known, np.ndarray, float]:
+        """Return what is known of the error at the end of a stretch of interval j, the integral
+        (n,) of J w over it, and a bound of what that lacks."""
         contacts = {self.place[c] for c in at.closed}
         # the contacts that act are those of Y, and whatever x may reach while only these act
         while True:
-            step = _Step(self, at, known, self.split(tuple(sorted(contacts))))
+            step = _Step(self, at, known, self.split(tuple(sorted(contacts)), j))
             more = set(np.flatnonzero(self._gaps[id(at)] <= step.reaches(self.N)).tolist())
             if more <= contacts:
-                return step.end, self.drift.J @ step.flow.integral, step.unknown
+                return step.end, self.drift.at(j).J @ step.flow.integral, step.unknown
             contacts |= more
 
     def _least_gaps(self, stretches: list[Stretch]) -> np.ndarray:
@@ -314,7 +318,6 @@ class _Step:
     def __init__(self, bound: SplitBound, at: Stretch, known: Known, s: Split):
         n = len(known.delta)
         H = at.H
-        drift = bound.drift
         self.split = s
         self.two_sided = bound.rows.near.sign < 0
         self.peaks = np.zeros(len(s.parts))
@@ -328,8 +331,8 @@ class _Step:
         out = carry_split(s.arrays, *error, is_given, self.flow, radii, self.peaks)
         self.bend, lack, most = out
         self.end = Known(self.flow.end, s, radii)
-        self.unknown = drift.two_sided * (size(self.peaks) * H + lack)
-        self.unknown += H * drift.change * most
+        self.unknown = s.drift.two_sided * (size(self.peaks) * H + lack)
+        self.unknown += H * s.drift.change * most
 
     def reaches(self, N: np.ndarray) -> np.ndarray:
         """Return (m,) upper bounds of N w on the stretch, for unit gradients N (m, n)."""

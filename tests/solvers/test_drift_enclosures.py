@@ -82,13 +82,14 @@ def test_constants_hold_in_every_box_of_the_tube():
     ends = np.linspace(0.0, 4.0, 5)
     tube = Tube(ends, np.zeros((4, 2)), np.zeros((4, 2)), np.arange(40) // 10).widened(0.5)
     found = enclosed_drift(guess, drift, tube)
-    assert found.is_proven and len(found.rates) == 40
+    assert found.is_proven and len(found.boxes) == 4
     rng = np.random.default_rng(5)
     for s, (a, b) in zip(rng.uniform(0, 4, 200), rng.uniform(-0.5, 0.5, (200, 2)), strict=True):
         J = np.array([[0.0, s], [-2.0 * a, 0.0]])
         L = np.linalg.eigvalsh(0.5 * (J + J.T))[-1]
-        assert np.linalg.norm(J - found.J, 2) <= found.change
-        assert L <= found.rate(min(int(s / 0.1), 39)) <= found.one_sided + found.change
+        for part in (found, found.at(min(int(s / 0.1), 39))):
+            assert np.linalg.norm(J - part.J, 2) <= part.change
+            assert np.linalg.norm(J, 2) <= part.two_sided and L <= part.one_sided
 
 
 def wall(xp):
