@@ -1,6 +1,6 @@
 """Effectivity of error bars: over the true errors, for methods, cases and steps.
 
-    python tests/studies/effectivity.py [CASE ...] [--steps 3] [--own 12 [--stiff]]
+    python tests/studies/effectivity.py [CASE ...] [--steps 3] [--own 12 [--stiff | --changing]]
         [-s METHOD ...]
     python tests/studies/effectivity.py --prox-regular
 
@@ -11,7 +11,8 @@ times the bound of the reference. Then how many bounds were below an error at so
 many estimates had an effectivity outside 1 to 10, by name. --own N: N scenes drawn by a seed
 instead, half of them points between oblique walls under turning drifts, half discs that are drawn
 together in the plane and pulled about; event_driven is their truth. --stiff: points alone, pulled
-by stiff springs. --prox-regular: by how much a bound that holds for discs, which are no convex set,
+by stiff springs. --changing: points alone, whose drift has a derivative that depends on time or
+state, between walls of which half move. --prox-regular: by how much a bound that holds for discs, which are no convex set,
 would grow along the exact motion.
 """
 
@@ -79,6 +80,40 @@ def stiff_scene(seed):
     drift = waves(-A, B, rng.uniform(1.0, 6.0, n), rng.uniform(0.0, 6.0, n) - 0.5 * np.pi)
     problem = Complementarity(drift, walls.problem.constraints)
     return Case(name=f"stiff_{seed}", problem=problem, x0=np.zeros(n), t=walls.t)
+
+
+def changing_scene(seed):
+    """A point in 1 to 3 dimensions between oblique walls, which move for odd seeds, under a drift
+    whose derivative swells and ebbs, or depends on the state, or both."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 4))
+    N = rng.normal(size=(int(rng.integers(1, n + 3)), n))
+    N /= np.linalg.norm(N, axis=1)[:, None]
+    gaps = rng.uniform(0.2, 1.0, len(N))
+    reach = rng.uniform(0.0, 0.3, len(N)) * (seed % 2)
+    pace = rng.uniform(1.0, 5.0, len(N))
+    A, swelling, bent = rng.normal(size=(3, n, n))
+    period = rng.choice([1.0, 2.0, rng.uniform(0.7, 6.0)])
+    swells, is_bent = ((1.0, False), (0.0, True), (1.0, True))[seed % 3]
+    pull = 2.0 * rng.normal(size=n)
+
+    def drift(xp):
+        a, s, c, u = (xp.asarray(v + 0.0) for v in (A, swells * swelling, bent, pull))
+
+        def f(t, x):
+            y = a @ x + u * xp.sin(2.5 * t + 1.0)
+            y = y + (1.0 - xp.cos(2.0 * np.pi / period * t)) * (s @ x)
+            return y + xp.sin(2.0 * (c @ x)) if is_bent else y
+
+        return f
+
+    def walls(xp):
+        g, r, w = (xp.asarray(v + 0.0) for v in (gaps, reach, pace))
+        return lambda t: g + r * xp.sin(w * t)
+
+    constraints = (Affine(A=N, b=walls if seed % 2 else gaps),)
+    t = np.linspace(0.0, 2.0, 21)
+    return Case(f"changing_{seed}", Complementarity(drift, constraints), np.zeros(n), t)
 
 
 def discs_scene(seed):
@@ -175,6 +210,7 @@ def main():
     parser.add_argument("--steps", type=int, default=3)
     parser.add_argument("--own", type=int, default=0, metavar="N")
     parser.add_argument("--stiff", action="store_true")
+    parser.add_argument("--changing", action="store_true")
     parser.add_argument("-s", "--methods", nargs="+", default=METHODS)
     parser.add_argument("--prox-regular", action="store_true")
     args = parser.parse_args()
@@ -186,7 +222,8 @@ def main():
     below = []
     outside = []
     pairs = 0
-    scenes = (stiff_scene,) if args.stiff else (walls_scene, discs_scene)
+    alone = stiff_scene if args.stiff else changing_scene if args.changing else None
+    scenes = (alone,) if alone else (walls_scene, discs_scene)
     own = [scenes[k % len(scenes)](SEED + k) for k in range(args.own)]
     for case in own or map(get_case, args.cases):
         name = case.key
