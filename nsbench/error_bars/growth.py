@@ -17,7 +17,8 @@ LOOKS = 5  # states of a run at which the derivative of the drift is taken
 class Linear:
     """Drift near a run: derivative J (n, n), by how much it changes along the run, one-sided and
     two-sided Lipschitz constants (the change included). boxes: the same in the boxes of a tube, if
-    the derivative changes between them, and box (K - 1,): that of each interval of the run.
+    the derivative changes between them, and box (K - 1,): that of each interval of the run. low,
+    high (n,): of such a box the states for which they hold, else of any.
     is_proven: do they hold wherever they were enclosed, or is the change a guess from LOOKS states?
     """
 
@@ -28,6 +29,12 @@ class Linear:
     boxes: tuple[Linear, ...] = ()
     box: np.ndarray = field(default_factory=lambda: np.empty(0, int))
     is_proven: bool = False
+    low: float | np.ndarray = -np.inf
+    high: float | np.ndarray = np.inf
+
+    def holds_at(self, X: np.ndarray) -> bool:
+        """Do the constants hold between all of these states (K, n)?"""
+        return bool(np.all(self.low <= X) and np.all(X <= self.high))
 
     def at(self, j: int) -> Linear:
         """Return the drift in interval j."""
@@ -92,7 +99,10 @@ def enclosed_drift(linear: Linear, drift: Drift, tube: Tube) -> Linear:
     if not np.all(np.isfinite(off)):
         return linear
     found = _with_change(linear.J, mid, float(off.max()))
-    boxes = [_with_change(J, J[None], change) for J, change in zip(mid, unsure, strict=True)]
+    boxes = [
+        replace(_with_change(J, J[None], change), low=low, high=high)
+        for J, change, low, high in zip(mid, unsure, tube.low, tube.high, strict=True)
+    ]
     return replace(found, boxes=tuple(boxes), box=tube.box, is_proven=True)
 
 

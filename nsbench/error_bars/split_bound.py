@@ -237,7 +237,8 @@ class SplitBound:
 
     def _by_second_solution(self, j: int, known: Known) -> tuple[Known, np.ndarray, float] | None:
         """Return the same, by the local solution X from where x is known to be near; None if it
-        does not get to the end of the interval, or no such state of S is found.
+        does not get to the end of the interval, leaves the tube in which the drift has its
+        constants, or no such state of S is found.
 
         The distance of X and x grows as that of any two curves in S: where contacts close and open
         in another order along x than along Y, Y - X is still known as a vector.
@@ -251,9 +252,10 @@ class SplitBound:
         if not shadow.holds(np.array([t]), start[None]):
             return None
         found = local_solution(shadow, t, H, start, path.Y[j + 1])
-        if not found.is_complete:
-            return None
         drift = self.drift.at(j)
+        states = np.concatenate([s.states for s in found.pieces])
+        if not (found.is_complete and drift.holds_at(states)):
+            return None
         factor = np.exp(drift.one_sided * H)
         apart = known.radius + size(start - near)
         radius = factor * apart + max(1.0, factor) * found.residual

@@ -83,6 +83,8 @@ def test_constants_hold_in_every_box_of_the_tube():
     tube = Tube(ends, np.zeros((4, 2)), np.zeros((4, 2)), np.arange(40) // 10).widened(0.5)
     found = enclosed_drift(guess, drift, tube)
     assert found.is_proven and len(found.boxes) == 4
+    inside = np.array([[0.5, -0.5], [0.0, 0.0]])
+    assert found.at(0).holds_at(inside) and not found.at(0).holds_at(inside + 1e-6)
     rng = np.random.default_rng(5)
     for s, (a, b) in zip(rng.uniform(0, 4, 200), rng.uniform(-0.5, 0.5, (200, 2)), strict=True):
         J = np.array([[0.0, s], [-2.0 * a, 0.0]])

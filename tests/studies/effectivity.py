@@ -12,8 +12,8 @@ many estimates had an effectivity outside 1 to 10, by name. --own N: N scenes dr
 instead, half of them points between oblique walls under turning drifts, half discs that are drawn
 together in the plane and pulled about; event_driven is their truth. --stiff: points alone, pulled
 by stiff springs. --changing: points alone, whose drift has a derivative that depends on time or
-state, between walls of which half move. --prox-regular: by how much a bound that holds for discs, which are no convex set,
-would grow along the exact motion.
+state, between walls of which half move. --prox-regular: by how much a bound that holds for discs,
+which are no convex set, would grow along the exact motion.
 """
 
 import argparse
