@@ -10,7 +10,7 @@ import numpy as np
 from nsbench.case import Case
 from nsbench.compilation.factories import as_numpy
 from nsbench.solvers.event_driven.contacts.kernels.loop_state import AffineDrift
-from nsbench.dynamics.interval_taylor import ORDER, SPACE, Jet, as_jet
+from nsbench.dynamics.interval_taylor import ORDER, SPACE, Jet, as_jet, enclosing
 
 MAX_STATES = 4000  # beyond, evaluating the columns of A one by one takes too long
 UNDERFLOW = 1e-280  # Jets add less than this to a product of zeros, against underflow
@@ -30,8 +30,8 @@ def affine_drift(case: Case, box: float) -> AffineDrift | None:
     hi = float(case.t[-1])
     if n > MAX_STATES:
         return None
-    time = _constant(0.5 * (lo + hi), 0.5 * (hi - lo))
-    state = _constant(np.zeros(n), np.full(n, box))
+    time = enclosing(np.full(1, 0.5 * (lo + hi)), np.full(1, 0.5 * (hi - lo)))
+    state = enclosing(np.zeros((n, 1)), np.full((n, 1), box))
     if not (
         _has_no_terms(case, time, _with_any_slope(state), 2)
         and _has_no_terms(case, _with_any_slope(time), state, 1)
@@ -59,13 +59,6 @@ def affine_drift(case: Case, box: float) -> AffineDrift | None:
     if not (np.all(np.isfinite(vals)) and np.all(np.isfinite(c))):
         return None
     return AffineDrift(ptr, columns[order].astype(np.int64), vals[order], c)
-
-
-def _constant(mid, rad) -> Jet:
-    """Enclose every constant within mid +- rad."""
-    out = as_jet(np.asarray(mid, float), 1)
-    out.rad[..., 0] = np.asarray(rad)[..., None]
-    return out
 
 
 def _with_any_slope(jet: Jet) -> Jet:
