@@ -1,13 +1,18 @@
 """The compiled walk of Filippov systems is the host's walk: the same motions and events, and
 nothing hidden in a step."""
 
+import math
+
 import numpy as np
 import pytest
 from filippov_systems import ONE
 from scipy.special import erf
 
 from nsbench import Case, Filippov, get_case, solve
+from nsbench.compilation.decorators import python_entry
 from nsbench.solvers.event_driven.filippov import compiled_loop
+from nsbench.solvers.event_driven.filippov.kernels import step_certificate
+from nsbench.solvers.event_driven.filippov.kernels.enclosure import ORDER
 from nsbench.solvers.event_driven.filippov.kernels.polynomial_root import (
     CLEAR,
     DEEP,
@@ -179,3 +184,22 @@ def test_a_touch_is_not_decided_and_a_close_miss_is():
     assert fall(square(0.0))[0] == UNCLEAR and fall(square(-1e-12))[0] == CLEAR
     code, s = fall(square(1e-10))
     assert code == FOUND and abs(s - (0.3 - 1e-5)) < 1e-9
+
+
+def test_a_piece_is_as_smooth_as_interpolation_at_its_nodes_says():
+    """The watched function cos(s / 2) on |s| <= 1 is missed by (1/2)^12 / 12! times the largest
+    product of distances to the nodes; a stricter bound costs pieces, a laxer one hides events."""
+    s = np.linspace(-1.0, 1.0, 20_001)
+    product = np.abs(np.prod(s[:, None] - step_certificate.NODES, axis=1)).max()
+    missed = 0.5**ORDER / math.factorial(ORDER) * product
+    M, R = np.zeros((2, 2, ORDER + 1))
+    M[:, 0] = 1.0, 2.0
+    M[0, ORDER] = 1e-30  # the field, as good as constant
+    R[1, ORDER] = 0.5**ORDER / math.factorial(ORDER)
+    outs = np.array([0, 1, -1])
+    error = np.zeros(2)
+    sizes = 1.0, 1.0, 1.0  # radius, least, pace
+    smoothness = python_entry(step_certificate._smoothness)
+    margin = smoothness(outs, 1, ORDER + 4, 2, *sizes, np.zeros((3, ORDER + 5)), M, R, error)
+    assert error[0] == pytest.approx(missed, rel=1e-6)
+    assert margin == pytest.approx(1e-10 * 2.0 / missed, rel=1e-6)
