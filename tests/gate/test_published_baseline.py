@@ -39,3 +39,9 @@ def test_it_has_the_runs_of_the_standard_suite_under_their_present_configuration
 def test_most_of_it_is_held_and_every_line_says_why_it_stands_so():
     assert sum(x.held for x in LINES.values()) > 0.9 * len(LINES) > 5000
     assert all(x.why for x in LINES.values())
+
+
+def test_digests_are_as_long_as_those_that_are_published():
+    """Longer ones would be of another configuration on every line."""
+    words = {word for x in LINES.values() for word in x.config.split()}
+    assert {len(word.partition("=")[2]) for word in words} == {len(digest("any"))}

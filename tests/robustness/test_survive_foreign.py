@@ -1,6 +1,7 @@
 """Results that somebody else made: what is no regular file below their folder is neither waited for
 nor embedded, what expands to more than memory is not expanded, and numbers are checked on entry."""
 
+import contextlib
 import json
 import os
 import shutil
@@ -183,6 +184,7 @@ def test_one_file_of_tables_is_enough_for_a_run_to_call_them_stale(folder, left)
         ("baseline.csv", 10, lambda folder: baseline.read(folder / "baseline.csv")),
         (".report.key", 1, consistency.check),
         ("runs.csv", 2048, consistency.check),
+        ("journal.jsonl", 16384, read_journal),
     ],
 )
 def test_a_file_one_byte_too_long_is_refused_by_its_size(folder, name, mebibytes, read_it):
@@ -191,6 +193,18 @@ def test_a_file_one_byte_too_long_is_refused_by_its_size(folder, name, mebibytes
         file.truncate((mebibytes << 20) + 1)
     with pytest.raises(ValueError, match=f"at most {mebibytes << 20} are read"):
         read_it(folder)
+
+
+@pytest.mark.survives("oversized")
+@pytest.mark.parametrize("more", [0, 1])
+def test_a_line_one_byte_longer_than_any_of_a_journal_is_refused(folder, more):
+    """One that is as long as may be is damaged as others are."""
+    (folder / "journal.jsonl").write_bytes(b"x" * ((16 << 20) + more) + b"\n")
+    refused = pytest.raises(ValueError, match=f"longer than {16 << 20} bytes")
+    damaged = []
+    with refused if more else contextlib.nullcontext():
+        read_journal(folder, damaged)
+    assert damaged == [1] * (not more)
 
 
 @no_fifo
