@@ -1,6 +1,8 @@
 """`nsbench compare` as a page and as Markdown: what changed against its interval, the history."""
 
+import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from nsbench.cli import main
 from nsbench.gate.comparison_page import comparison_section
 from nsbench.gate.compared_numbers import common_seconds, read_versions
 from nsbench.results import tables
+from nsbench.results.journal import SCHEMA
 
 
 def results(folder, factor=1.0, order=1.0, seconds=1.0, solvers=("pbd", "theta")):
@@ -130,6 +133,16 @@ def test_nothing_is_said_to_change_where_nothing_did(versions):
     section = section_of([versions[0], versions[0]])
     assert section.answer.startswith("Nothing changed") and not changes(section)
     assert section.evidence[0] == "No order changed."
+
+
+@pytest.mark.parametrize("key", ["machine", "cpu"])
+@pytest.mark.parametrize("other, differ", [("B", True), ("A", False)])
+def test_seconds_of_two_machines_are_said_not_to_be_comparable(versions, key, other, differ):
+    for folder, name in zip(versions, ("A", other), strict=False):
+        env = {"schema": SCHEMA, key: name}
+        (Path(folder) / "env.json").write_text(json.dumps(env), encoding="utf-8")
+    sentence = "The two were computed on different machines: their seconds cannot be compared."
+    assert (sentence in section_of(versions[:2]).evidence) == differ
 
 
 def test_the_command_writes_a_page_and_markdown(versions, tmp_path, capsys):

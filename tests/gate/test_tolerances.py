@@ -155,6 +155,14 @@ def test_a_value_that_breaks_its_claim_is_held_near_itself():
     assert line.held and not baseline.is_blind(line, fact)
 
 
+@pytest.mark.parametrize("kind", ["near", "max"])
+@pytest.mark.parametrize("times, blind", [(10.0, False), (10.05, True)])
+def test_a_line_is_blind_from_ten_times_the_claim_on(kind, times, blind):
+    fact = claimed_fact(kind)
+    room = times * fact.claim - abs(fact.value) * (kind == "max")
+    assert baseline.is_blind(replace(baseline.line(fact, 0.0, ""), atol=room, rtol=0.0), fact) == blind
+
+
 def study_in(folder, value=1e-15):
     """Results on disk: one run of event_driven on tide."""
     folder.mkdir()
