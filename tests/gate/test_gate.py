@@ -336,6 +336,7 @@ def test_spreads_are_distances_and_what_one_study_lacks_has_no_bound():
     other = {FACT.key: replace(FACT, value=0.26), WORD.key: replace(WORD, value="18 ok")}
     got = spreads.spreads({f.key: f for f in (FACT, COUNT, WORD)}, [other])
     assert got == {FACT.key: pytest.approx(0.01), COUNT.key: float("inf"), WORD.key: float("inf")}
+    assert spreads.spreads({FACT.key: FACT}, []) == {FACT.key: 0.0}
 
 
 HEAD = "case,solver,parameters,metric,spread,config\n"

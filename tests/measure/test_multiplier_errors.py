@@ -9,7 +9,7 @@ from exact_runs import exact_run
 from scipy.optimize import linprog
 
 import nsbench
-from nsbench import Affine, Complementarity, Distance, get_case
+from nsbench import Affine, Case, Complementarity, Distance, Hybrid, Transition, get_case
 from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 from nsbench.measure.context import context_of, full_rank, near_of, pattern
 from nsbench.measure.multiplier_sets import polyhedron
@@ -171,3 +171,11 @@ def test_a_diode_is_active_at_the_samples_beside_intervals_in_which_it_conducts(
     assert acts.any() and not acts.all()
     beside = np.append(False, acts) | np.append(acts, False)
     assert context_of(case).active == tuple(((0, 0),) if b else () for b in beside)
+
+
+def test_a_system_that_is_in_one_mode_all_the_time_breaks_no_sign():
+    """The least part of an interval that a mode has is not below zero, and no more is said."""
+    rest = {"on": lambda xp: lambda t, x: -x}
+    far = Transition("on", lambda xp: lambda t, x: x[0] - 2.0, "on")
+    case = Case("rest", Hybrid(rest, (far,)), np.ones(1), np.linspace(0.0, 1.0, 6))
+    assert nsbench.errors(case, nsbench.solve(case, "event_driven"))["sign"] == 0.0
