@@ -5,6 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
+import nsbench
 from nsbench.measure.orders import corrected_power_law
 from nsbench.measure.orders.corrected_power_law import DECAYED, MODELS, convergent, fit_corrected
 
@@ -62,3 +63,13 @@ def test_five_errors_show_no_bend_beyond_the_head():
     u = np.log(H[::-1])[:5]
     found = fit_corrected(u - u.max(), u**2)
     assert (found.bend, found.drift) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("bump", [1.1, 2.0])
+def test_a_point_that_is_off_leaves_the_window_where_one_shorter_one_is_allowed(bump):
+    h = 0.1 * 2.0 ** (-np.arange(10) * 0.4)
+    errors = h.copy()
+    errors[0] *= bump
+    found = nsbench.fit_order(h, errors)
+    assert found.order == pytest.approx(1.0) and np.ptp(found.interval) < 1e-9
+    assert max(found.window) == h[1]
