@@ -15,7 +15,7 @@ from solver_file import solver
 
 from nsbench import columns
 from nsbench.cli import main
-from nsbench.results import tables
+from nsbench.results import consistency, tables
 from nsbench.results.atomic_write import StoreError, write_atomically
 from nsbench.results.environment import environment
 from nsbench.results.journal import Journal, as_read, clean, read_journal, read_parts
@@ -304,3 +304,12 @@ def test_a_missing_value_decides_no_type(tmp_path):
     tables.write_tables(tmp_path, rows)
     schema = pyarrow.parquet.read_schema(tmp_path / "runs.parquet")
     assert [str(f.type) for f in schema] == ["double", "string", "bool"]
+
+
+def test_that_files_are_out_of_date_is_on_the_disk_before_what_follows(tmp_path, monkeypatch):
+    synced = []
+    real = os.fsync
+    monkeypatch.setattr(os, "fsync", lambda number: synced.append(real(number)))
+    (tmp_path / "runs.csv").touch()
+    consistency.mark_stale(tmp_path)
+    assert len(synced) == 1

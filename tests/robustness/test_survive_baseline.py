@@ -47,6 +47,11 @@ def gate(tmp_path, capsys):
     return ask
 
 
+def with_value(lines, word):
+    """Lines with another word in the place of the value."""
+    return [lines[0], *(",".join([*k.split(",")[:5], word, *k.split(",")[6:]]) for k in lines[1:])]
+
+
 @pytest.mark.survives("another baseline")
 def test_what_is_as_in_the_baseline_passes(gate):
     assert gate()[0] == 0
@@ -61,14 +66,8 @@ def test_what_is_as_in_the_baseline_passes(gate):
         (lambda lines: [k.replace("case=", "case=0") for k in lines], 4, "configuration differs"),
         (lambda lines: lines[:1], 4, "new"),
         (lambda lines: [*lines, lines[-1]], 2, "twice"),
-        (
-            lambda lines: [
-                lines[0],
-                *(",".join([*k.split(",")[:5], "nan", *k.split(",")[6:]]) for k in lines[1:]),
-            ],
-            2,
-            "nan",
-        ),
+        (lambda lines: with_value(lines, "nan"), 2, "value is 'nan'"),
+        (lambda lines: with_value(lines, "one"), 2, "value is 'one'; a finite number is needed"),
     ],
 )
 def test_other_lines_are_told_and_do_not_pass(gate, edit, code, said):

@@ -268,3 +268,16 @@ def test_the_run_meets_the_closed_form(name):
     assert [kind for _, kind in found] == [kind for _, kind in k.events]
     assert all(abs(a - b) <= 1e-11 for (a, _), (b, _) in zip(found, k.events, strict=True))
     assert len(traj.events) == len(k.events) or name == "forced"
+
+
+@pytest.mark.parametrize("place", [3.0, -2.0])
+def test_a_disc_is_met_away_from_the_origin_and_at_its_own_distance(place):
+    way = np.sign(place)
+    drift = lambda xp: lambda t, x: way + 0.0 * x
+    post = Distance(d=0.5, anchors=np.array([[place]]), dim=1)
+    case = Case("post", Complementarity(drift, (post,)), np.ones(1), np.linspace(0.0, 4.0, 9))
+    run = solve(case, "event_driven")
+    way_there = abs(place - 1.0) - 0.5
+    assert run.stats["loop"] == "compiled"
+    assert np.abs(run.x[:, 0] - 1.0 - way * np.minimum(run.t, way_there)).max() < 1e-12
+    assert [e.t for e in run.events] == pytest.approx([way_there], abs=1e-12)
