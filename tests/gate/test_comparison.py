@@ -64,6 +64,7 @@ def test_a_change_is_shown_with_both_numbers_and_its_per_cent(versions):
     table = changes(section_of(versions[:2]))
     before, after, change, interval = table["pbd", "ladder", "state constant"]
     assert float(after) / float(before) == pytest.approx(1.5, rel=1e-2)
+    assert [len(number.replace(".", "")) for number in (before, after)] == [4, 4]
     assert change == "+50 %" and interval == "–"
 
 
@@ -82,6 +83,8 @@ def test_seconds_are_of_the_same_accuracy(versions, tmp_path):
         assert values[1] / values[2] == pytest.approx(2.0)
         steps = sorted(read[0].asked["tide", "pbd"])
         assert values[0] == read[0].asked["tide", "pbd"][steps[len(steps) // 2]]
+    said = section_of(versions[:2]).evidence[1]
+    assert "2 runs" in said and said.endswith("median 0.5, quartiles 0.5 and 0.5.")
     other = results(tmp_path / "other", solvers=("theta",))
     assert list(common_seconds(read_versions([versions[0], other]))) == [("tide", "theta")]
 

@@ -357,3 +357,13 @@ def test_a_spoilt_calibration_is_an_error_that_names_the_file(tmp_path, text):
     (tmp_path / "calibration.csv").write_text(text)
     with pytest.raises(ValueError, match=r"calibration\.csv"):
         spreads.read(tmp_path)
+
+
+@pytest.mark.parametrize("kind, over", [("max", 1), ("min", -1), ("near", 1), ("near", -1)])
+def test_a_number_that_is_off_by_all_that_is_allowed_passes(kind, over):
+    fact = replace(FACT, kind=kind)
+    line = replace(baseline.line(fact, 0.0, ""), atol=0.125, rtol=0.0)
+    at = {fact.key: replace(fact, value=0.25 + over * 0.125)}
+    beyond = {fact.key: replace(fact, value=0.25 + over * 0.1251)}
+    assert compare(at, {line.key: line})[0].outcome == "pass"
+    assert compare(beyond, {line.key: line})[0].outcome != "pass"

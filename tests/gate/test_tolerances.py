@@ -222,6 +222,8 @@ def test_the_facts_of_a_ladder_are_its_statuses_verdicts_orders_and_half_widths(
     names = ("statuses", "state verdict", "state order", "state constant", "state half-width")
     assert {name for case, name in found if case == "tide"} == {*names}
     assert {name for case, name in found if case == "sliding"} == {"statuses"}
+    assert found["tide", "statuses"] == f"{len(h)} ok"
+    assert found["sliding", "statuses"] == "1 refused"
     low, high = nsbench.fit_order(h, errors, span=2 * np.pi).interval
     assert found["tide", "state half-width"] == pytest.approx((high - low) / 2, rel=0.002)
 

@@ -18,7 +18,7 @@ from nsbench.cli import main
 from nsbench.results import consistency, tables
 from nsbench.results.atomic_write import StoreError, write_atomically
 from nsbench.results.environment import environment
-from nsbench.results.journal import Journal, as_read, clean, read_journal, read_parts
+from nsbench.results.journal import SCHEMA, Journal, as_read, clean, read_journal, read_parts
 
 
 def test_rows_come_back_as_they_were_written(tmp_path):
@@ -313,3 +313,20 @@ def test_that_files_are_out_of_date_is_on_the_disk_before_what_follows(tmp_path,
     (tmp_path / "runs.csv").touch()
     consistency.mark_stale(tmp_path)
     assert len(synced) == 1
+
+
+@pytest.mark.parametrize("name", consistency.FILES)
+def test_only_a_folder_with_tables_has_files_that_are_out_of_date(tmp_path, name):
+    (tmp_path / name).touch()
+    consistency.mark_stale(tmp_path)
+    assert (tmp_path / consistency.KEY_FILE).exists() == name.startswith("runs.")
+
+
+def test_lines_of_another_schema_and_parts_are_no_rows(tmp_path):
+    lines = [
+        {"schema": SCHEMA, "key": "a", "row": {"x": 1.0}},
+        {"schema": SCHEMA + 1, "key": "b", "row": {"x": 1.0}},
+        {"schema": SCHEMA, "part": "p", "key": "c", "row": {"x": 1.0}},
+    ]
+    (tmp_path / "journal.jsonl").write_text("".join(f"{json.dumps(line)}\n" for line in lines))
+    assert list(read_journal(tmp_path)) == ["a"]
