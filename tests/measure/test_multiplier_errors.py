@@ -12,9 +12,11 @@ import nsbench
 from nsbench import Affine, Case, Complementarity, Distance, Hybrid, Transition, get_case
 from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 from nsbench.measure.context import context_of, full_rank, near_of, pattern
+from nsbench.measure.errors import below_reference
 from nsbench.measure.multiplier_sets import polyhedron
 
 TIDE = get_case("tide")
+FLOORS = ("state", "impulse", "reaction", "event")
 
 
 def test_contacts_are_matched_by_id_whichever_way_round_and_an_absent_one_is_zero():
@@ -180,3 +182,14 @@ def test_a_system_that_is_in_one_mode_all_the_time_breaks_no_sign():
     case = Case("rest", Hybrid(rest, (far,)), np.ones(1), np.linspace(0.0, 1.0, 6))
     found = nsbench.errors(case, nsbench.solve(case, "event_driven"))
     assert found["sign"] == 0.0 and found["residual"] < 1e-9
+
+
+def test_an_error_is_below_the_reference_as_far_as_that_can_have_made_it():
+    """Of a sum over intervals, and of a rate over the shortest of them, twice the impulse's."""
+    t = np.array([0.0, 0.5, 1.0, 2.0, 3.0])
+    row = {f"{name}_floor": v for name, v in zip(FLOORS, (1.0, 2.0, 3.0, 4.0), strict=True)}
+    limits = {"state_sup": 1.0, "state_T": 1.0, "impulse": 2.0, "reaction": 3.0, "event_time": 4.0}
+    limits |= {"l1": 2 * 4 * 2.0, "settled": 2 * 2.0 / 0.5, "sup": 2 * 2.0 / 0.5}
+    assert below_reference(row | limits, t) == []
+    for name, limit in limits.items():
+        assert below_reference(row | limits | {name: 0.999 * limit}, t) == [name]

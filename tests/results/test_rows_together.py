@@ -39,18 +39,18 @@ def row(spec):
 def test_rows_wait_for_one_another(recorder, monkeypatch):
     clock = count()
     looks, syncs = [], []
-    monkeypatch.setattr(row_reuse.time, "monotonic", lambda: 0.1 * next(clock))
+    monkeypatch.setattr(row_reuse.time, "monotonic", lambda: 1000.0 + 0.1 * next(clock))
     monkeypatch.setattr(os, "fsync", syncs.append)
     changed_files = file_state.changed_files
     monkeypatch.setattr(
         file_state, "changed_files", lambda paths: looks.append(1) or changed_files(paths)
     )
     east, west = recorder.keys
-    recorder.add(east, row(east))  # at 0.0 s
-    assert recorder.write() == [] and not read_journal(recorder.journal.path.parent)  # at 0.1 s
+    recorder.add(east, row(east))  # at 1000.0 s
+    assert recorder.write() == [] and not read_journal(recorder.journal.path.parent)  # 0.1 s later
     recorder.add(west, row(west))
-    assert recorder.write() == []  # at 0.2 s
-    assert [spec for spec, _ in recorder.write()] == [east, west]  # at 0.3 s
+    assert recorder.write() == []  # 0.2 s later
+    assert [spec for spec, _ in recorder.write()] == [east, west]  # 0.3 s later
     assert read_journal(recorder.journal.path.parent).keys() == {*recorder.keys.values()}
     assert (len(looks), len(syncs)) == (1, 1)
     assert recorder.write() == recorder.write(at_once=True) == []
