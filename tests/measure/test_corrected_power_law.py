@@ -73,3 +73,37 @@ def test_a_point_that_is_off_leaves_the_window_where_one_shorter_one_is_allowed(
     found = nsbench.fit_order(h, errors)
     assert found.order == pytest.approx(1.0) and np.ptp(found.interval) < 1e-9
     assert max(found.window) == h[1]
+
+
+def wobbling(n, head):
+    """Steps (n,) over 3.3 or 6.3 octaves, and errors 2 h (1 + head h) with a scatter of 2 %."""
+    h = 0.1 * 2.0 ** -np.linspace(0.0, 6.3 if n > 14 else 3.3, n)
+    return h, 2.0 * h * (1.0 + head * (h / h[0])) * np.exp(0.02 * np.sin(7.0 * np.arange(n) ** 2))
+
+
+@pytest.mark.parametrize(
+    "n, head, numbers",
+    [
+        (9, 0.0, (0.9779112887752, 0.0594104632324, 1.374783359574, 1.056494423816)),
+        (14, 0.5, (1.0006615921996, 0.0916089747684, 0.279833591372, -0.289661695402)),
+        (25, -0.3, (1.0051912126510, 0.0244209041491, 0.791201830872, -0.031958312360)),
+        (25, 3.0, (1.0046838384348, 0.0228381315703, 0.567156796795, 0.044623768417)),
+    ],
+)
+def test_a_fit_is_what_it_was_when_its_coverage_was_studied(n, head, numbers):
+    """Order, half its interval, bend and drift; and the fit of the whole ladder keeps them."""
+    h, errors = wobbling(n, head)
+    fit = fit_corrected(np.log(h[::-1]), np.log(errors[::-1]))
+    assert (fit.p, fit.half, fit.bend, fit.drift) == pytest.approx(numbers, rel=1e-6)
+    whole = nsbench.fit_order(h, errors)
+    assert whole.order == fit.p and whole.interval == (fit.p - fit.half, fit.p + fit.half)
+    assert whole.window == (h[-1], h[0]) and whole.points == n
+
+
+def test_a_shorter_window_is_what_it_was_when_its_coverage_was_studied():
+    """A head of high order at the coarse end, which no shape of a head explains: the interval is
+    widened by half the drift and by the distance to the order of the next window."""
+    h, errors = wobbling(25, 0.0)
+    found = nsbench.fit_order(h, errors * (1.0 + 40.0 * (h / h[0]) ** 9))
+    assert found.points == 20 and found.verdict == "order"
+    assert found.interval == pytest.approx((0.9758011646739, 1.0318280516072), rel=1e-6)
