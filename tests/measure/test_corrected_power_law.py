@@ -8,6 +8,7 @@ import pytest
 import nsbench
 from nsbench.measure.orders import corrected_power_law
 from nsbench.measure.orders.corrected_power_law import DECAYED, MODELS, convergent, fit_corrected
+from nsbench.measure.orders.window import dyadic
 
 H = 0.1 * 2.0 ** -np.linspace(0.0, 6.3, 25)  # four steps per octave at irrational ratios
 
@@ -107,3 +108,30 @@ def test_a_shorter_window_is_what_it_was_when_its_coverage_was_studied():
     found = nsbench.fit_order(h, errors * (1.0 + 40.0 * (h / h[0]) ** 9))
     assert found.points == 20 and found.verdict == "order"
     assert found.interval == pytest.approx((0.9758011646739, 1.0318280516072), rel=1e-6)
+
+
+@pytest.mark.parametrize("slope, verdict", [(0.199, "undecided"), (0.201, "order")])
+def test_below_a_fifth_an_order_is_as_slow_as_a_logarithm(slope, verdict):
+    assert nsbench.fit_order(H, H**slope).verdict == verdict
+
+
+@pytest.mark.parametrize(
+    "slope, count, verdict",
+    [
+        (-0.099, 12, "undecided"),
+        (-0.101, 12, "diverges"),
+        (-0.5, 5, "diverges"),
+        (-0.5, 4, "undecided"),
+    ],
+)
+def test_growth_is_told_from_a_tenth_and_five_errors_on(slope, count, verdict):
+    h = H[:count]
+    assert nsbench.fit_order(h, h**slope).verdict == verdict
+
+
+@pytest.mark.parametrize("phases, few", [((0.3,), True), ((0.3, 0.6), False)])
+def test_steps_at_fewer_than_three_phases_of_an_octave_are_dyadic(phases, few):
+    octaves = np.arange(5.0)
+    assert dyadic(2.0 ** -np.concatenate([octaves, *(octaves + p for p in phases)])) == few
+    for apart, same in ((0.0199, True), (0.0201, False)):
+        assert dyadic(2.0 ** np.array([0.1, 0.5, 0.5 + apart, 1.1])) == same
