@@ -127,6 +127,8 @@ def test_below_a_fifth_an_order_is_as_slow_as_a_logarithm(slope, verdict):
 def test_growth_is_told_from_a_tenth_and_five_errors_on(slope, count, verdict):
     h = H[:count]
     assert nsbench.fit_order(h, h**slope).verdict == verdict
+    scattered = h**slope * np.where(np.arange(count) % 2, 3.0, 1.0)
+    assert nsbench.fit_order(h, scattered).verdict == "undecided"
 
 
 @pytest.mark.parametrize("phases, few", [((0.3,), True), ((0.3, 0.6), False)])
