@@ -11,6 +11,7 @@ from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 from nsbench.dynamics.contacts.kernels import impulse_records
 from nsbench.dynamics.contacts.kernels.impulse_records import Contacts, cumulate
 from nsbench.solvers.pbd import method
+from nsbench.solvers.pbd.kernels.cell_search import _cell_geometry
 
 ORDERS = ("sorted", "reverse", "random", "cell", "coloured")
 
@@ -217,3 +218,17 @@ def test_two_particles_are_parted_along_the_line_of_their_centres(centre):
     half = 0.5 * c / np.linalg.norm(c)
     for got, want in zip(ends, (np.full(c.size, 5.0), 0.5 * c - half, 0.5 * c + half), strict=True):
         np.testing.assert_allclose(got, want, rtol=0.0, atol=1e-15)
+
+
+@pytest.mark.parametrize("extents", [(9.5, 2.5), (2.5, 9.5, 0.5), (100.0, 0.0)])
+def test_cells_along_an_axis_are_as_many_as_its_extent_needs(extents):
+    """At least as wide as the reach, and of an axis at most the root of four times the discs."""
+    x = np.zeros((40, len(extents)))
+    x[-1] = extents
+    x[7] = np.array(extents) / 3
+    lo, width, num = _cell_geometry.py_func((x - 2.0).ravel(), len(extents), 1.0, 40)
+    most = np.ceil(160 ** (1 / len(extents)))
+    for c, extent in enumerate(extents):
+        assert (lo[c], width[c]) == (-2.0, max(1.0, extent / most))
+        assert num[c] == int(extent / width[c]) + 1
+    assert (num[len(extents) :] == 1).all()

@@ -197,6 +197,10 @@ def test_no_solution_and_several_are_told():
     two = one(D=[[-1.0]], u=None, A=[[-1.0]])  # w = x - lam: lam = 0 or x
     traj = solve(two, "theta", h=0.05)
     assert traj.status.code == "degenerate" and "several solutions" in str(traj.status)
+    beside = LCS([[-1.0, 0.0], [0.0, 0.0]], [[1.0], [0.0]], [[1.0, 0.0]], [[-1.0]])
+    start = np.array([1.0, -5.0])  # another coordinate changes nothing
+    traj = solve(Case("beside", beside, start, np.linspace(0.0, 1.0, 6)), "theta", h=0.05)
+    assert traj.status.code == "degenerate" and "several solutions" in str(traj.status)
     ball = Case(
         "ball",
         LCS(
