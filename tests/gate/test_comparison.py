@@ -9,7 +9,8 @@ import pytest
 from report_rows import row
 
 from nsbench.cli import main
-from nsbench.gate.comparison_page import comparison_section
+from nsbench.gate import comparison_page
+from nsbench.gate.comparison_page import _evidence, _scatters, comparison_section
 from nsbench.gate.compared_numbers import common_seconds, read_versions
 from nsbench.results import tables
 from nsbench.results.journal import SCHEMA
@@ -164,3 +165,19 @@ def test_the_command_writes_a_page_and_markdown(versions, tmp_path, capsys):
     capsys.readouterr()
     assert main(["compare", *versions]) == 2
     assert "--html" in capsys.readouterr().err
+
+
+def test_quartiles_are_of_the_ratios_of_all_runs(versions):
+    old, new = read_versions(versions[:2])
+    ratios = {("case", str(k)): [2.0, 2.0 * k] for k in range(1, 201)}
+    assert "200 runs" in (said := list(_evidence(old, new, [], ratios))[1])
+    assert said.endswith("median 100, quartiles 50 and 150.")
+
+
+def test_points_of_the_scatter_lie_at_the_seconds_before_and_after(versions, monkeypatch):
+    points = []
+    nowhere = {"x": 0.0}  # is not drawn
+    monkeypatch.setattr(comparison_page, "_point", lambda *p: points.append(p) or nowhere)
+    old, new = read_versions(versions[1:])
+    _scatters(old, new, {("tide", "pbd"): [3.0, 0.5, 0.25]})
+    assert points[-1] == ("tide, pbd", "seconds", 0.5, 0.25)

@@ -247,3 +247,10 @@ def test_a_method_without_claims_claims_no_more_than_rounding():
     found = facts(data_of(rows, solvers))
     claims = {f.claim for k, f in found.items() if k[2] != "ladder" and "state_sup" in k[3]}
     assert len(claims) == 1 and max(claims) < 1e-11
+
+
+def test_the_status_of_a_run_that_ended_badly_is_its_own():
+    endings = ("ok", "timeout", "diverged")
+    steps = zip((0.1, 0.05, 0.02), endings, strict=True)
+    found = facts(data_of([row("tide", "pbd", h, status=s) for h, s in steps]))
+    assert [f.value for k, f in found.items() if k[3] == "status"] == ["timeout"]

@@ -69,6 +69,9 @@ def test_a_changed_file_makes_the_rows_that_wait_uncertain_that_depend_on_it(rec
     assert written[west]["why"].startswith("west.py changed while runs were made")
     kept = read_journal(recorder.journal.path.parent)
     assert recorder.keys[east] in kept and recorder.keys[west] not in kept
+    said = []
+    recorder.report(said.append)
+    assert len(said) == 1 and said[0].startswith("west.py changed while runs were made: 1 rows")
 
 
 def test_rows_that_cannot_be_written_are_not_tried_again(recorder, monkeypatch):

@@ -18,7 +18,7 @@ from nsbench.cli import main
 from nsbench.results import consistency, tables
 from nsbench.results.atomic_write import StoreError, write_atomically
 from nsbench.results.environment import environment
-from nsbench.results.journal import SCHEMA, Journal, as_read, clean, read_journal, read_parts
+from nsbench.results.journal import SCHEMA, Journal, _lines, as_read, clean, read_journal, read_parts
 
 
 def test_rows_come_back_as_they_were_written(tmp_path):
@@ -330,3 +330,16 @@ def test_lines_of_another_schema_and_parts_are_no_rows(tmp_path):
     ]
     (tmp_path / "journal.jsonl").write_text("".join(f"{json.dumps(line)}\n" for line in lines))
     assert list(read_journal(tmp_path)) == ["a"]
+
+
+def test_the_last_line_counts_without_its_end_too(tmp_path):
+    line = json.dumps({"schema": SCHEMA, "key": "a", "row": {"x": 1.0}})
+    (tmp_path / "journal.jsonl").write_text(f"{line}\n{line.replace('a', 'b', 1)}")
+    assert len(list(_lines(tmp_path / "journal.jsonl"))) == 2
+
+
+@pytest.mark.parametrize(
+    "value, text", [("'=1", "=1"), ("'plain", "'plain"), ("=1", "=1"), ("'", "'"), (3, 3)]
+)
+def test_only_the_apostrophe_before_a_formula_is_taken_away(value, text):
+    assert tables.text_of(value) == text
