@@ -12,6 +12,7 @@ from nsbench.cli import main
 from nsbench.gate import comparison_page
 from nsbench.gate.comparison_page import _evidence, _scatters, comparison_section
 from nsbench.gate.compared_numbers import common_seconds, read_versions
+from nsbench.report.style import format_factor
 from nsbench.results import tables
 from nsbench.results.journal import SCHEMA
 
@@ -169,9 +170,10 @@ def test_the_command_writes_a_page_and_markdown(versions, tmp_path, capsys):
 
 def test_quartiles_are_of_the_ratios_of_all_runs(versions):
     old, new = read_versions(versions[:2])
-    ratios = {("case", str(k)): [2.0, 2.0 * k] for k in range(1, 201)}
-    assert "200 runs" in (said := list(_evidence(old, new, [], ratios))[1])
-    assert said.endswith("median 100, quartiles 50 and 150.")
+    seconds = {("case", str(k)): [2.0, 2.0 * 1.1**k] for k in range(200)}
+    assert "200 runs" in (said := list(_evidence(old, new, [], seconds))[1])
+    low, middle, high = (format_factor(1.1**k) for k in (49, 99, 149))
+    assert said.endswith(f"median {middle}, quartiles {low} and {high}.")
 
 
 def test_points_of_the_scatter_lie_at_the_seconds_before_and_after(versions, monkeypatch):
