@@ -14,6 +14,7 @@ from nsbench.cli import main
 from nsbench.gate import baseline, calibrate, spreads
 from nsbench.gate.comparison import compare
 from nsbench.gate.facts import Fact, facts
+from nsbench.gate.update import updated
 from nsbench.measure.orders.window import rounding
 from nsbench.report.data import build, columns_of, read
 from nsbench.report.summary import summarise
@@ -254,3 +255,17 @@ def test_the_status_of_a_run_that_ended_badly_is_its_own():
     steps = zip((0.1, 0.05, 0.02), endings, strict=True)
     found = facts(data_of([row("tide", "pbd", h, status=s) for h, s in steps]))
     assert [f.value for k, f in found.items() if k[3] == "status"] == ["timeout"]
+
+
+def test_a_number_that_is_new_in_the_baseline_is_named_with_its_value():
+    found = {f.key: f for f in (claimed_fact(), replace(claimed_fact(), metric="sup"))}
+    old = {key: baseline.line(f, 0.0, "") for key, f in [*found.items()][:1]}
+    _, changes = updated(found, old, dict.fromkeys(found, 0.0), "first")
+    assert changes == ["stack event_driven tol=1e-12 sup: new, 1e-13"]
+
+
+def test_a_bound_claimed_by_a_method_with_steps_is_the_claim_at_every_step():
+    rows = [row("tide", "pbd", h, state_sup=0.5 * h) for h in (0.4, 0.2, 0.1)]
+    solvers = {"pbd": {"accuracy": "h", "claims": {"exact": 1e-3}}}
+    claims = [f.claim for k, f in facts(data_of(rows, solvers)).items() if k[3] == "state_sup"]
+    assert claims == [1e-3]
