@@ -121,3 +121,7 @@ def test_what_ends_otherwise_in_a_pass_is_said_once_with_the_first_reason(tmp_pa
     assert sum("1 run ended otherwise in the pass 'starts 1e-12 apart, " in s for s in said) == 1
     assert any("No motion continues." in s for s in said)
     assert not any(s.startswith("not to be held: ") for s in said)
+
+
+def test_no_two_passes_have_the_same_starts():
+    assert len({*calibrate.SEEDS, 0}) == len(calibrate.SEEDS) + 1 >= 3
