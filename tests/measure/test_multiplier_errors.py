@@ -1,6 +1,7 @@
 """Multiplier errors: contacts matched by id, redundant ones measured from the set of solutions,
 ranks and candidates as by dense algebra."""
 
+import dataclasses
 import itertools
 
 import numpy as np
@@ -13,7 +14,8 @@ from nsbench import Affine, Case, Complementarity, Distance, Hybrid, Transition,
 from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 from nsbench.measure.context import context_of, full_rank, near_of, pattern
 from nsbench.measure.errors import below_reference
-from nsbench.measure.multiplier_sets import polyhedron
+from nsbench.measure.multiplier_sets import _resting, polyhedron
+from nsbench.trajectory import Event
 
 TIDE = get_case("tide")
 FLOORS = ("state", "impulse", "reaction", "event")
@@ -193,3 +195,14 @@ def test_an_error_is_below_the_reference_as_far_as_that_can_have_made_it():
     assert below_reference(row | limits, t) == []
     for name, limit in limits.items():
         assert below_reference(row | limits | {name: 0.999 * limit}, t) == [name]
+
+
+def test_an_interval_with_an_event_inside_does_not_rest():
+    frame = context_of(TIDE)
+    rests = [k for k, *_ in _resting(frame)]
+    assert len(rests) > 3
+    for k in (rests[0], rests[2], rests[-1]):
+        event = Event(float(TIDE.t[k : k + 2].mean()), "closes", (0, 0))
+        ref = dataclasses.replace(frame.ref, events=(*frame.ref.events, event))
+        found = [i for i, *_ in _resting(dataclasses.replace(frame, ref=ref, cache={}))]
+        assert found == [i for i in rests if i != k]
