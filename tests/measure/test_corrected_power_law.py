@@ -137,3 +137,14 @@ def test_steps_at_fewer_than_three_phases_of_an_octave_are_dyadic(phases, few):
     assert dyadic(2.0 ** -np.concatenate([octaves, *(octaves + p for p in phases)])) == few
     for apart, same in ((0.0199, True), (0.0201, False)):
         assert dyadic(2.0 ** np.array([0.1, 0.5, 0.5 + apart, 1.1])) == same
+
+
+@pytest.mark.parametrize("power, is_bent", [(9.0, False), (2.0, True)])
+def test_largest_errors_have_an_order_unless_they_bend(power, is_bent):
+    """Errors that turn with the phase of the step, with a head at the coarse end."""
+    h = 0.1 * 2.0 ** -np.linspace(0.0, 6.3, 60)
+    turning = 0.02 + np.abs(np.sin(51.0 * np.log(h)))
+    found = nsbench.fit_order(h, h * turning * (1.0 + 3.0 * (h / h[0]) ** power))
+    assert found.verdict == ("undecided" if is_bent else "order")
+    assert found.sentence.startswith("Order of the largest error") != is_bent
+    assert found.window == (h[-1], h[0])

@@ -15,6 +15,7 @@ from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 from nsbench.measure.context import context_of, full_rank, near_of, pattern
 from nsbench.measure.errors import below_reference
 from nsbench.measure.multiplier_sets import _resting, polyhedron
+from nsbench.measure.residuals import interval_residuals
 from nsbench.trajectory import Event
 
 TIDE = get_case("tide")
@@ -206,3 +207,10 @@ def test_an_interval_with_an_event_inside_does_not_rest():
         ref = dataclasses.replace(frame.ref, events=(*frame.ref.events, event))
         found = [i for i, *_ in _resting(dataclasses.replace(frame, ref=ref, cache={}))]
         assert found == [i for i in rests if i != k]
+
+
+def test_the_residual_is_the_largest_of_the_intervals():
+    run = nsbench.solve(TIDE, "pbd", h=0.05)
+    each = interval_residuals(context_of(TIDE), run)
+    assert each.shape == (len(TIDE.t) - 1,)
+    assert np.nanmax(each) == nsbench.errors(TIDE, run)["residual"] > 0.0

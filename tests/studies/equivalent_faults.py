@@ -116,6 +116,7 @@ _BY_FILE = {
         "abs(line.order) <= FLAT -> <": EQUAL,
     },
     "measure/orders/plateau.py": {
+        "fine = h <= end * (1 + 1e-9) -> -": "decides none of 3000 drawn ladders",
         "if found[0] < best[0]: -> <=": "differs where two searches end at the same misfit",
         "dv = (A[0, 0] * g[1] - A[0, 1] * g[0]) / det -> 1": (
             "a worse step of a damped iteration, which goes on to the same minimum"
@@ -150,8 +151,7 @@ _BY_FILE = {
         "BLOCK = 1 << 20  # bytes that are read at a time -> 2": SIZE,
         "self._file = -1 -> 2": "any negative number says that the file is closed",
         "if self._file >= 0: -> 1": "an open file has a number beyond those of the terminal",
-        'ended = whole == 0 or file.read(1) == b"
-" -> 2': (
+        'ended = whole == 0 or file.read(1) == b"\\n" -> 2': (
             "two bytes are compared with one where a line begins behind the end of another"
         ),
         "v = float(v) if abs(v) <= sys.float_info.max else math.inf if v > 0 else -math.inf -> "
