@@ -148,3 +148,10 @@ def test_largest_errors_have_an_order_unless_they_bend(power, is_bent):
     assert found.verdict == ("undecided" if is_bent else "order")
     assert found.sentence.startswith("Order of the largest error") != is_bent
     assert found.window == (h[-1], h[0])
+
+
+@pytest.mark.parametrize("slope, turns", [(0.15, 47.0), (1.0, 39.0)])
+def test_largest_errors_that_fall_slowly_or_by_an_uncertain_order_have_none(slope, turns):
+    h = 0.1 * 2.0 ** -np.linspace(0.0, 6.3, 60)
+    turning = 0.02 + np.abs(np.sin(turns * np.log(h)))
+    assert nsbench.fit_order(h, h**slope * turning).verdict == "undecided"
