@@ -18,6 +18,14 @@ ALWAYS_MORE = "what is counted there is always more than that"
 
 # file: {line -> what stands there instead: reason}
 _BY_FILE = {
+    "solvers/pbd/kernels/skin_control.py": {
+        "np.sqrt(far) / max(control.age, 1), -> 2": (
+            "how often lists are renewed, which hold the same contacts"
+        ),
+    },
+    "solvers/event_driven/contacts/kernels/first_event.py": {
+        "if rise < 0.0 or 0.0 <= fall <= rise: -> <": EQUAL,
+    },
     "gate/baseline.py": {
         "ENOUGH = 10 << 20  # bytes: a larger file is no baseline -> 21": SIZE,
         "return times_claim(line, fact) > MOST * (1 + 1e-9)  # a quotient is rounded -> -": (
@@ -72,6 +80,7 @@ _BY_FILE = {
         "on[k] = w[k] < -tol * norm[k] -> <=": EQUAL,
     },
     "qp/kernels/interior_point.py": {
+        "tried = 2 * few -> /": "when an exact solution is tried at the earliest",
         "gap = 0.0 -> 1.01": "how far to centre: another way to the same solution",
     },
     "qp/kernels/large_callback.py": {
@@ -183,12 +192,14 @@ _BY_FILE = {
         ),
     },
     "solvers/event_driven/filippov/kernels/polynomial_root.py": {
+        "for j in range(k + 1): -> 2": "that binomial coefficient is zero",
         "if left > error or (lo == -1.0 and left > 0.0): -> >=": EQUAL,
     },
     "linalg/skyline_cholesky.py": {
         "most = 0 -> 1": "room for one entry more",
     },
     "solvers/event_driven/contacts/kernels/series_step.py": {
+        "t = floats.time[0] -> 0 + 1": "of the time only the rounding counts there",
         "return h > 4e-16 * (abs(t) + abs(settings.end)) or h >= settings.end - t -> >=": EQUAL,
     },
     "solvers/euler/kernels/loop.py": {
