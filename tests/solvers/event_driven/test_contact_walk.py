@@ -285,3 +285,30 @@ def test_skyline_solves_as_dense_matrices_do():
 def test_the_loop_in_python_tells_what_ends_early(budget, code):
     traj = solve(get_case("discs[n=10]"), f"event_driven[{budget}]")
     assert traj.status.code == code and traj.stats["loop"] == "host"
+
+
+def test_series_of_gaps_have_all_their_coefficients():
+    """A wall, two discs inside one another's length and a disc outside an anchor, in the plane."""
+    rng = np.random.default_rng(2)
+    deg, h = 4, 0.5
+    X = rng.standard_normal((deg + 1, 4))
+    powers = h ** np.arange(deg + 1)
+    kind, first, other = np.array([0, 1, 2]), np.array([0, 0, 2]), np.array([0, 2, 1])
+    d, sign, dim = np.array([1.0, 1.5, 0.7]), np.array([1.0, -1.0, 1.0]), np.array([0, 2, 2])
+    anchors = np.array([9.0, 0.3, -0.4])
+    normal = np.array([0.6, -0.8])
+    layout = anchors, np.array([0, 2]), np.array([1, 3]), normal, np.array([0.25])
+    series = X * powers[:, None]
+    apart = series[:, 0:2] - series[:, 2:4]
+    away = series[:, 2:4] - np.eye(deg + 1)[:, :1] * anchors[1:]
+    out = np.empty(deg + 1)
+    for k, differences in ((1, apart), (2, away)):
+        square = sum(np.convolve(c, c)[: deg + 1] for c in differences.T)
+        square[0] -= d[k] ** 2
+        args = k, (kind, first, other, d, sign, dim), layout, X, deg, powers, np.empty(deg + 1)
+        first_event._gap_series.py_func(*args, out)
+        assert out == pytest.approx(0.5 * sign[k] / d[k] * square, rel=1e-12)
+    first_event._gap_series.py_func(0, *args[1:], out)
+    wall = series[:, [1, 3]] @ normal
+    wall[0] += 0.25
+    assert out == pytest.approx(wall, rel=1e-12)

@@ -203,3 +203,27 @@ def test_a_piece_is_as_smooth_as_interpolation_at_its_nodes_says():
     margin = smoothness(outs, 1, ORDER + 4, 2, *sizes, np.zeros((3, ORDER + 5)), M, R, error)
     assert error[0] == pytest.approx(missed, rel=1e-6)
     assert margin == pytest.approx(1e-10 * 2.0 / missed, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "rates, certain",
+    [((1.0, 0.0), 1.0), ((-0.04, 0.0), 0.0), ((-0.2, 0.0), -1.0), ((-0.1, 0.05), -1.0)],
+)
+def test_a_function_at_zero_is_lifted_stays_or_is_not_known(rates, certain):
+    """Of a band of 0.1: beyond it at once, within half of it, beyond half of it below."""
+    series = np.zeros((1, 9))
+    series[0, 1:3] = rates
+    assert python_entry(step_certificate.lift_time)(series, 0, 8, 1.0, 0.1) == certain
+
+
+@pytest.mark.parametrize("lift, found", [((0.0, -1.0), 0), ((-1.0, 0.0), 1), ((0.0, 0.0), 1)])
+def test_functions_that_are_not_lifted_yet_are_not_looked_at(lift, found):
+    """Two watched functions fall to zero at 3/4 and at 5/8 of a piece of length 1."""
+    Q = np.zeros((3, 3))
+    Q[1, :2] = 0.5, -1.0
+    Q[2, :2] = 0.25, -1.0
+    scratch = np.zeros((2 * DEEP + 4, 2)), np.zeros((1, 3))
+    args = np.arange(3), 1, 2, 2, 0.0, 1.0, Q.copy(), Q, np.zeros(2), np.array(lift)
+    code, which, time = python_entry(step_certificate.first_event)(*args, *scratch)
+    assert (code, which) == (FOUND, found)
+    assert time == pytest.approx((0.75, 0.625)[found], rel=1e-12)
