@@ -18,6 +18,14 @@ ALWAYS_MORE = "what is counted there is always more than that"
 
 # file: {line -> what stands there instead: reason}
 _BY_FILE = {
+    "qp/kernels/dual_active_set.py": {
+        "mu[k] = max(mu[k] + t * (goal[k] - mu[k]), 0.0) if on[k] else 0.0 -> k + 1": (
+            "where the inner loop goes on from: it ends at the solution on its set"
+        ),
+    },
+    "solvers/event_driven/filippov/kernels/step_certificate.py": {
+        "for k in range(1, p + 1): -> 2": "a bound that is wider by one coefficient more",
+    },
     "solvers/pbd/kernels/skin_control.py": {
         "np.sqrt(far) / max(control.age, 1), -> 2": (
             "how often lists are renewed, which hold the same contacts"
