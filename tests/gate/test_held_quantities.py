@@ -33,6 +33,7 @@ def test_the_interval_of_an_order_is_held(name):
     found = facts_of(ladder("tide", "pbd", np.random.default_rng(1)))
     width = found["tide", "pbd", "ladder", f"{name} half-width"].value
     assert 0.0 < width < 0.1
+    assert {f.floor for k, f in found.items() if k[3].endswith("half-width")} == {1e-9}
     assert outcome(found, f"{name} half-width", width) == "pass"
     assert outcome(found, f"{name} half-width", 1.01 * width) == "regressed"
 

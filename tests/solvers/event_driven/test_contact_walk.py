@@ -9,9 +9,10 @@ import pytest
 from plain_event_driven import run as plain
 from studies import random_scenes as scenes
 
-from nsbench import Affine, Case, Complementarity, Distance, get_case
+from nsbench import Affine, Case, Complementarity, Distance, Scale, get_case
 from nsbench.linalg import skyline_cholesky
 from nsbench.solvers import get, solve
+from nsbench.solvers.event_driven.contacts import compiled_loop
 from nsbench.solvers.event_driven.contacts.affine_drift import affine_drift
 from nsbench.solvers.event_driven.contacts.kernels import first_event
 
@@ -312,3 +313,26 @@ def test_series_of_gaps_have_all_their_coefficients():
     wall = series[:, [1, 3]] @ normal
     wall[0] += 0.25
     assert out == pytest.approx(wall, rel=1e-12)
+
+
+def test_the_drift_and_the_steps_of_recent_arcs_are_noted(monkeypatch):
+    """Rounding bands and looks ahead are taken from them."""
+    drivers = []
+
+    class Noted(compiled_loop.KernelDriver):
+        def __init__(self, *args):
+            super().__init__(*args)
+            self.recent_steps[:] = -1.0
+            drivers.append(self)
+
+    monkeypatch.setattr(compiled_loop, "KernelDriver", Noted)
+    pull = lambda xp: lambda t, x: xp.array([-3.0, 0.5])
+    walls = Affine(np.eye(2), np.array([0.0, 4.0]))
+    t = np.linspace(0.0, 2.0, 5)
+    case = Case("noted", Complementarity(pull, (walls,)), np.array([1.5, 0.0]), t)
+    run = solve(case.replace(scale=Scale(state=1.0, time=1.0)), "event_driven")
+    assert run.stats["loop"] == "compiled" and len(run.events) == 1
+    noted = drivers[-1]
+    assert noted.loop.floats.drift_size[0] == 3.0
+    steps = noted.recent_steps[noted.recent_steps >= 0.0]
+    assert steps.size == 1 and 0.0 < steps[0] <= t[-1]
