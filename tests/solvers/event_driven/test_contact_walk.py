@@ -326,13 +326,13 @@ def test_the_drift_and_the_steps_of_recent_arcs_are_noted(monkeypatch):
             drivers.append(self)
 
     monkeypatch.setattr(compiled_loop, "KernelDriver", Noted)
-    pull = lambda xp: lambda t, x: xp.array([-3.0, 0.5])
+    pull = lambda xp: lambda t, x: xp.array([-1.0, 1.0 + x[1]])
     walls = Affine(np.eye(2), np.array([0.0, 4.0]))
     t = np.linspace(0.0, 2.0, 5)
     case = Case("noted", Complementarity(pull, (walls,)), np.array([1.5, 0.0]), t)
     run = solve(case.replace(scale=Scale(state=1.0, time=1.0)), "event_driven")
     assert run.stats["loop"] == "compiled" and len(run.events) == 1
     noted = drivers[-1]
-    assert noted.loop.floats.drift_size[0] == 3.0
+    assert noted.loop.floats.drift_size[0] == pytest.approx(np.exp(1.5))  # at the event
     steps = noted.recent_steps[noted.recent_steps >= 0.0]
     assert steps.size == 1 and 0.0 < steps[0] <= t[-1]
