@@ -281,3 +281,24 @@ def test_check_row_and_report_say_why_a_run_is_slow(tmp_path):
     runs = Runs("slow", "event_driven", {"status": ["ok"], "note": [row["note"]]})
     data = Data({("slow", "event_driven"): runs}, {}, {}, {}, {}, {})
     assert any("line 10 of slow.py" in n for n in write_case_notes(data, "slow", {}))
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_a_start_at_a_jump_that_both_sides_leave_is_seen_beside_another_kink(first):
+    def drift(xp):
+        def f(t, x):
+            if first:
+                jump = xp.where(x[0] > 0.0, 1.0, -1.0)
+                bend = xp.abs(x[1] - 7.0)
+            else:
+                bend = xp.abs(x[1] - 7.0)
+                jump = xp.where(x[0] > 0.0, 1.0, -1.0)
+            return xp.array([jump, 0.1 * bend])
+
+        return f
+
+    still = lambda xp: lambda t, x: xp.zeros_like(x)
+    field = Filippov({1: still, -1: drift}, lambda xp: lambda t, x: xp.array([x[1] - 20.0]))
+    case = Case("apart", field, np.zeros(2), np.linspace(0.0, 1.0, 5))
+    run = solve(case, "event_driven")
+    assert run.stats["loop"] == "compiled" and run.status.code == "degenerate"
