@@ -107,6 +107,7 @@ def test_a_particle_that_jumped_over_an_anchor_is_seen_beside_a_moving_wall():
     assert nsbench.solve(case, "catching_up", h=0.3).bound.is_proven
 
 
+@pytest.mark.long
 def test_a_wall_that_moves_between_the_quarters_of_a_step_is_seen():
     """At the quarters its velocity vanishes; the bar says that the run knows nothing of it."""
     h = 0.1

@@ -189,6 +189,7 @@ def test_smooth_family_is_projected_on_exactly():
     assert np.abs(a.x - b.x).max() < 1e-12 and np.abs(a.impulse[-1] - b.impulse[-1]).max() < 1e-12
 
 
+@pytest.mark.long
 def test_drift_that_numba_cannot_compile_gives_the_same_bits_in_a_host_loop():
     def odd(xp):
         table = {"rate": -1.0}
