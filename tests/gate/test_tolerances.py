@@ -161,7 +161,8 @@ def test_a_value_that_breaks_its_claim_is_held_near_itself():
 def test_a_line_is_blind_from_ten_times_the_claim_on(kind, times, blind):
     fact = claimed_fact(kind)
     room = times * fact.claim - abs(fact.value) * (kind == "max")
-    assert baseline.is_blind(replace(baseline.line(fact, 0.0, ""), atol=room, rtol=0.0), fact) == blind
+    line = replace(baseline.line(fact, 0.0, ""), atol=room, rtol=0.0)
+    assert baseline.is_blind(line, fact) == blind
 
 
 def study_in(folder, value=1e-15):

@@ -287,13 +287,10 @@ def test_check_row_and_report_say_why_a_run_is_slow(tmp_path):
 def test_a_start_at_a_jump_that_both_sides_leave_is_seen_beside_another_kink(first):
     def drift(xp):
         def f(t, x):
-            if first:
-                jump = xp.where(x[0] > 0.0, 1.0, -1.0)
-                bend = xp.abs(x[1] - 7.0)
-            else:
-                bend = xp.abs(x[1] - 7.0)
-                jump = xp.where(x[0] > 0.0, 1.0, -1.0)
-            return xp.array([jump, 0.1 * bend])
+            before = 0.0 if first else xp.abs(x[1] - 7.0)
+            jump = xp.where(x[0] > 0.0, 1.0, -1.0)
+            after = xp.abs(x[1] - 7.0) if first else 0.0
+            return xp.array([jump, 0.1 * (before + after)])
 
         return f
 
