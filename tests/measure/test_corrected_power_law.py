@@ -91,8 +91,9 @@ def wobbling(n, head):
         (25, 3.0, (1.0046838384348, 0.0228381315703, 0.567156796795, 0.044623768417)),
     ],
 )
-def test_a_fit_is_what_it_was_when_its_coverage_was_studied(n, head, numbers):
-    """Order, half its interval, bend and drift; and the fit of the whole ladder keeps them."""
+def test_numbers_of_a_fit_stay_as_they_are(n, head, numbers):
+    """Order, half its interval, bend and drift, of the code whose coverage test_orders.py measures;
+    the fit of the whole ladder keeps them."""
     h, errors = wobbling(n, head)
     fit = fit_corrected(np.log(h[::-1]), np.log(errors[::-1]))
     assert (fit.p, fit.half, fit.bend, fit.drift) == pytest.approx(numbers, rel=1e-6)
@@ -101,7 +102,7 @@ def test_a_fit_is_what_it_was_when_its_coverage_was_studied(n, head, numbers):
     assert whole.window == (h[-1], h[0]) and whole.points == n
 
 
-def test_a_shorter_window_is_what_it_was_when_its_coverage_was_studied():
+def test_numbers_of_a_shorter_window_stay_as_they_are():
     """A head of high order at the coarse end, which no shape of a head explains: the interval is
     widened by half the drift and by the distance to the order of the next window."""
     h, errors = wobbling(25, 0.0)
@@ -139,12 +140,17 @@ def test_steps_at_fewer_than_three_phases_of_an_octave_are_dyadic(phases, few):
         assert dyadic(2.0 ** np.array([0.1, 0.5, 0.5 + apart, 1.1])) == same
 
 
+def turning(turns):
+    """Steps, and factors that turn with the phase of the step."""
+    h = 0.1 * 2.0 ** -np.linspace(0.0, 6.3, 60)
+    return h, 0.02 + np.abs(np.sin(turns * np.log(h)))
+
+
 @pytest.mark.parametrize("power, is_bent", [(9.0, False), (2.0, True)])
 def test_largest_errors_have_an_order_unless_they_bend(power, is_bent):
-    """Errors that turn with the phase of the step, with a head at the coarse end."""
-    h = 0.1 * 2.0 ** -np.linspace(0.0, 6.3, 60)
-    turning = 0.02 + np.abs(np.sin(51.0 * np.log(h)))
-    found = nsbench.fit_order(h, h * turning * (1.0 + 3.0 * (h / h[0]) ** power))
+    """With a head at the coarse end."""
+    h, factor = turning(51.0)
+    found = nsbench.fit_order(h, h * factor * (1.0 + 3.0 * (h / h[0]) ** power))
     assert found.verdict == ("undecided" if is_bent else "order")
     assert found.sentence.startswith("Order of the largest error") != is_bent
     assert found.window == (h[-1], h[0])
@@ -152,6 +158,5 @@ def test_largest_errors_have_an_order_unless_they_bend(power, is_bent):
 
 @pytest.mark.parametrize("slope, turns", [(0.15, 47.0), (1.0, 39.0)])
 def test_largest_errors_that_fall_slowly_or_by_an_uncertain_order_have_none(slope, turns):
-    h = 0.1 * 2.0 ** -np.linspace(0.0, 6.3, 60)
-    turning = 0.02 + np.abs(np.sin(turns * np.log(h)))
-    assert nsbench.fit_order(h, h**slope * turning).verdict == "undecided"
+    h, factor = turning(turns)
+    assert nsbench.fit_order(h, h**slope * factor).verdict == "undecided"

@@ -290,7 +290,6 @@ CASE = Case(name="edited", problem=Complementarity(drift, ()), x0=[1.0], t=np.li
 """
 
 
-@pytest.mark.survives("stale")
 def test_keys_have_the_form_of_those_in_stored_results():
     """Others would make every run again."""
     spec = Spec("tide", "pbd", "h", 0.1)
@@ -299,6 +298,7 @@ def test_keys_have_the_form_of_those_in_stored_results():
     assert [len(run_key.key_of(spec, parts)), len(run_key.variable_digest("on"))] == [64, 16]
 
 
+@pytest.mark.survives("stale")
 def test_a_file_edited_within_a_second_runs_as_it_is_now(tmp_path, monkeypatch):
     """Byte code is known by the second and the size of its source, and both are as before."""
     monkeypatch.setattr(sys, "dont_write_bytecode", False)
