@@ -14,6 +14,7 @@ MARKERS = "os^Dvp*X<>"
 PANEL_INCHES = (2.9, 2.3)
 MAX_LABELS = 5  # of a logarithmic axis
 MIN_DECADES = 2.0  # of an axis that is labelled by powers of ten alone
+MOST_INSIDE = 4  # curves of a legend that lies inside its panel; a longer one stands beside it
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,9 @@ def _draw_panel(axes, panel: Panel) -> None:
     axes.set_xlabel(panel.x_label)
     axes.set_ylabel(panel.y_label)
     if panel.has_legend and panel.curves:
-        axes.legend(frameon=False, fontsize=6.5)
+        beside = len(panel.curves) > MOST_INSIDE
+        place = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)} if beside else {}
+        axes.legend(frameon=False, fontsize=6.5, **place)
 
 
 def _scale_log(axis, set_scale) -> None:

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench.report.scenes.figure import STYLE, write_svg
-from nsbench.report.style import INK, PALETTE
+from nsbench.report.style import INK, MUTED, PALETTE
 
 BLUE, ORANGE, GREEN = PALETTE[:3]
 SMALLEST_SHARE = 0.01  # shares that are all below it are drawn as none
 PHASE_COLOURS = {"free": BLUE, "event": ORANGE, "contact": GREEN}
+VIOLATION = "violation left"
 
 
 @dataclass(frozen=True)
@@ -43,24 +44,34 @@ def draw_fans(fan: FanCurves) -> str:
 
 
 def draw_parts(entries: list[dict]) -> str:
-    """Draw the share of every step in the global error, one panel for each fan, as SVG text."""
+    """Draw the share of every step in the global error, one panel for each fan, as SVG text.
+
+    The violation that the last sweep left is a bar of its own after the end.
+    """
     import matplotlib
     from matplotlib.figure import Figure
 
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(2.2 * len(entries), 2.2), facecolor="white")
         for column, e in enumerate(entries):
-            axes = figure.add_subplot(1, len(entries), column + 1)
-            times = np.array(e["times"])
-            colours = [PHASE_COLOURS[p] for p in e["phases"]]
-            axes.bar(times[:-1], e["parts"], np.diff(times), align="edge", color=colours)
-            if np.abs(e["parts"]).max() < SMALLEST_SHARE:
-                axes.set_ylim(-SMALLEST_SHARE, SMALLEST_SHARE)
-            axes.axhline(0.0, color=INK, lw=0.6)
-            axes.set_title(f"{e['case'].partition('[')[0]} to t = {e['end']:g}", size=8, loc="left")
-            axes.set_xlabel("t")
-        for name, colour in PHASE_COLOURS.items():
+            _draw_shares(figure.add_subplot(1, len(entries), column + 1), e)
+        for name, colour in {**PHASE_COLOURS, VIOLATION: MUTED}.items():
             figure.axes[0].plot([], [], "s", color=colour, label=name)
         figure.axes[0].legend(frameon=False, fontsize=6.5)
         figure.subplots_adjust(0.06, 0.18, 0.99, 0.9, 0.3, 0.0)
     return write_svg(figure)
+
+
+def _draw_shares(axes, e: dict) -> None:
+    """Draw the bars of one fan."""
+    starts = np.array(e["times"])
+    width = starts[-1] - starts[-2]
+    shares = np.append(e["parts"], e["violation_share"] or 0.0)
+    colours = [*(PHASE_COLOURS[p] for p in e["phases"]), MUTED]
+    axes.bar(starts, shares, np.append(np.diff(starts), width), align="edge", color=colours)
+    if np.abs(shares).max() < SMALLEST_SHARE:
+        axes.set_ylim(-SMALLEST_SHARE, SMALLEST_SHARE)
+    axes.axhline(0.0, color=INK, lw=0.6)
+    axes.axvline(starts[-1], color=INK, lw=0.6, ls=":")
+    axes.set_title(f"{e['case'].partition('[')[0]} to t = {e['end']:g}", size=8, loc="left")
+    axes.set_xlabel("t")

@@ -1,12 +1,14 @@
-"""The study `fan`: which steps make the global error, and how the flow changes their defects."""
+"""The study `fan`: which steps make the global error, and how flow and steps change differences."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from nsbench import solvers
 from nsbench.case import get_case
 from nsbench.report.style import format_number
 from nsbench.studies.fan.figures import FanCurves, draw_fans, draw_parts
+from nsbench.studies.fan.one_step_stability import measure_growth
 from nsbench.studies.fan.windermere import PHASES, Fan, open_fan, step_exactly
 from nsbench.studies.finding import Effort, EvidenceFigure, EvidenceTable, Finding
 from nsbench.studies.registry import find_study
@@ -20,7 +22,14 @@ SCENES = (
 )
 METHODS = (("pbd",), ("pbd", "pbd[order=reverse]", "catching_up"))  # small form, full form
 STEPS = ((8, 16), (12, 24, 48, 96))
+# scenes of one step; steps between two samples, states looked at along the run and around the worst
+STEP_SCENES = ("hex[n=7]", "chain", "wedge[psi=60,swell=0.5]", "discs[n=10]")
+MORE_STEP_SCENES = ("hex[n=19]", "sliding", "stiff_contact")  # of the full form
+STEP_DIVISORS = ((16, 64), (4, 16, 64))
+STEP_STATES = (8, 16)
+STEP_CLIMBS = (16, 64)
 MAX_MISMATCH = 0.01  # of the parts against the global error
+ROUNDING = 1e-6  # of a growth, from differences of states
 DRAWN_STEPS = 8
 DRAWN_SAMPLES = 25  # of a curve of the drawn fan
 REFUTATION = (
@@ -48,16 +57,17 @@ def conduct(effort: Effort) -> Finding:
                 f"{e['case']}, {e['method']}, {e['steps']} steps: the parts differ from the error "
                 f"by {e['mismatch']:g} of it; at most {MAX_MISMATCH:g} is allowed"
             )
+    growths = _measure_growths(effort)
     return Finding(
         name="fan",
         question=find_study("fan").question,
-        answer=_answer(entries),
+        answer=_answer(entries, growths),
         evidence=_evidence(entries),
         refutation=REFUTATION,
         command=f"nsbench study fan{' --full' * effort.full}",
-        tables=(_shares_table(entries), _orders_table(entries)),
+        tables=(_shares_table(entries), _orders_table(entries), _growth_table(growths)),
         figures=_figures(entries),
-        data={"fans": entries},
+        data={"fans": entries, "growth_of_one_step": growths},
     )
 
 
@@ -83,6 +93,56 @@ def describe_fan(case: str, end: float, method: str, steps: int) -> dict:
     }
 
 
+def _measure_growths(effort: Effort) -> list[dict]:
+    """Measure by how much one step pulls states apart, for each scene, method and step.
+
+    Raises ArithmeticError where a pair of states exceeds what is proven.
+    """
+    out = []
+    for name in STEP_SCENES + MORE_STEP_SCENES * effort.full:
+        case = get_case(name)
+        for method in _one_step_methods(case, effort.full):
+            for divisor in STEP_DIVISORS[effort.full]:
+                effort.report(f"fan: growth in one step, {name}, {method}, spacing / {divisor}")
+                out.append(
+                    effort.journal.part(
+                        f"growth {name} {method} {divisor}",
+                        lambda c=case, m=method, d=divisor: describe_growth(c, m, d, effort.full),
+                    )
+                )
+    return out
+
+
+def _one_step_methods(case, full: bool) -> list[str]:
+    """List the methods with a fixed step that take the case; PBD alone in the small form."""
+    fixed = [s for s in solvers.standard() if solvers.get(s).accuracy == "h"] if full else []
+    methods = dict.fromkeys(["pbd", "pbd[order=reverse]"][: 1 + full] + fixed)
+    return [m for m in methods if not solvers.get(m).refuses(case)]
+
+
+def describe_growth(case, method: str, divisor: int, full: bool) -> dict:
+    """Measure the growth of one step, the spacing of the samples over `divisor`, in numbers."""
+    h = float(np.diff(case.t).min()) / divisor
+    found = measure_growth(case, method, h, STEP_STATES[full], STEP_CLIMBS[full])
+    if found.bound is not None and found.growth > found.bound + ROUNDING:
+        raise ArithmeticError(
+            f"{method} on {case.key}, h = {h:g}: a step pulls two states apart by "
+            f"{found.growth:.9g}, and by at most {found.bound:.9g} by the bound"
+        )
+    bound = None if found.bound is None else _finite(found.bound)
+    return {
+        "case": case.key,
+        "method": method,
+        "h": h,
+        "states": found.states,
+        "lipschitz": found.lipschitz,
+        "growth": found.growth,
+        "growth_bound": bound,
+        "C": found.constant(found.growth),
+        "C_bound": found.constant(bound),
+    }
+
+
 def _finite(value: float) -> float | None:
     return value if np.isfinite(value) else None
 
@@ -100,7 +160,7 @@ def _pairs(entries: list[dict]) -> list[tuple[dict, dict]]:
     return [tuple(group[-2:]) for group in last.values()]
 
 
-def _answer(entries: list[dict]) -> str:
+def _answer(entries: list[dict], growths: list[dict]) -> str:
     finest = {(e["case"], e["end"]): e for e in entries if e["method"] == "pbd"}
     tide = finest[SCENES[0]]
     hinge = finest[SCENES[1]]
@@ -112,8 +172,27 @@ def _answer(entries: list[dict]) -> str:
         f"{_percent(tide['before_last_event'])} on tide, where a contact wipes them out; in the "
         f"corner of the wedge {_percent(corner['violation_share'])} is the violation that the last "
         f"sweep left; no defect grew by more than {format_number(_largest_growth(entries), 2)} "
-        "on its way."
+        f"on its way. {_growth_words(growths)}"
     )
+
+
+def _growth_words(growths: list[dict]) -> str:
+    """Say by how much one step of PBD pulls states apart, at the shortest step of each scene."""
+    last = {g["case"]: g for g in growths if g["method"] == "pbd"}
+    still = [c for c, g in last.items() if g["growth"] <= 1.0 + ROUNDING and g["C"] is None]
+    moved = [
+        f"{_number(g['C'])} (at most {_number(g['C_bound'])}) on {c}"
+        for c, g in last.items()
+        if g["C"] is not None
+    ]
+    return (
+        f"One step pulls two states apart by 1 + C L h, C found and bound {', '.join(moved)}; on "
+        f"{' and '.join(still)}, whose drift is the same everywhere, by nothing."
+    )
+
+
+def _number(value: float | None) -> str:
+    return "not known" if value is None else format_number(value, 2)
 
 
 def _percent(share: float) -> str:
@@ -194,6 +273,21 @@ def _orders_table(entries: list[dict]) -> EvidenceTable:
     )
 
 
+def _growth_table(growths: list[dict]) -> EvidenceTable:
+    columns = ("case", "method", "h", "states", "L", "growth", "growth at most", "C", "C at most")
+    names = ("case", "method", "h", "states", "lipschitz", "growth", "growth_bound", "C", "C_bound")
+    return EvidenceTable(
+        "growth",
+        "How far one step pulls two states apart",
+        columns,
+        tuple(tuple(g[name] for name in names) for g in growths),
+        "|Phi_h x - Phi_h y| = growth |x - y| for the worst pair found around so many feasible "
+        "states; growth = 1 + C L h, L the Lipschitz constant of the drift (0: no C). At most: "
+        "bound over the balls in which was searched; none is known for other methods than PBD, for "
+        "walls or links beside discs, or where two centres could meet.",
+    )
+
+
 def _figures(entries: list[dict]) -> tuple[EvidenceFigure, ...]:
     shown = [e for e in entries if e["method"] == "pbd" and e["steps"] == _finest(entries)]
     return (
@@ -205,7 +299,8 @@ def _figures(entries: list[dict]) -> tuple[EvidenceFigure, ...]:
         ),
         EvidenceFigure(
             "parts",
-            "Share of every step in the global error at the end, by what the step holds.",
+            "Share of every step in the global error at the end, by what the step holds; after the "
+            "dotted line the violation that the last sweep left.",
             draw_parts(shown),
         ),
     )

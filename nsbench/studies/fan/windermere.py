@@ -96,7 +96,7 @@ def open_fan(case: Case, method: str, end: float, steps: int) -> Fan:
     Raises ArithmeticError, with the status, where a run does not end well.
     """
     t = np.linspace(float(case.t[0]), end, steps + 1)
-    x = finish(_without_answers(case, t), method, (end - t[0]) / steps).x
+    x = finish(without_answers(case, t), method, (end - t[0]) / steps).x
     flow = [carry(case, x[n], t[n], end) for n in range(1, steps)]
     flow.append(project(case, x[steps], end))
     defects = []
@@ -131,17 +131,17 @@ def step_exactly(
     samples: the sample times, from `start` to `end`; by default these two.
     """
     t = np.array([start, end]) if samples is None else samples
-    return finish(_without_answers(case, t).replace(x0=x, start="project"), "event_driven")
+    return finish(without_answers(case, t).replace(x0=x, start="project"), "event_driven")
 
 
 def project(case: Case, x: np.ndarray, time: float) -> np.ndarray:
     """Return the feasible state nearest to x at this time: where the exact flow from x starts."""
     t = np.array([time, time + 1.0])
-    from_x = _without_answers(case, t).replace(x0=x, start="project")
+    from_x = without_answers(case, t).replace(x0=x, start="project")
     return np.asarray(initial_state(from_x, scene_of(from_x)))
 
 
-def _without_answers(case: Case, t: np.ndarray) -> Case:
+def without_answers(case: Case, t: np.ndarray) -> Case:
     """Return the case at other times, without what is known of its own solution."""
     return case.replace(
         t=t, exact=None, exact_impulse=None, exact_events=None, contacts=None, distance=None
