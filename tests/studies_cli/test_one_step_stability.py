@@ -50,10 +50,11 @@ def test_projections_without_a_common_disc_act_side_by_side():
     """Two pairs far apart are one layer, three discs in a row two."""
     apart = np.array([[0.0, 0.0], [1.9, 0.0], [9.0, 0.0], [10.9, 0.0]])
     assert _stretch_of_sweep(apart, [(0, 1), (2, 3)], 2.0, 0.0) == pytest.approx(2.0 / 1.9)
-    row = np.array([[0.0, 0.0], [1.9, 0.0], [3.8, 0.0]])
     # the first projection moves the middle disc by 0.05: the second overlap is 0.15
     expected = 2.0 / 1.9 * 2.0 / 1.85
-    assert _stretch_of_sweep(row, [(0, 1), (1, 2)], 2.0, 0.0) == pytest.approx(expected)
+    for pairs in ([(0, 1), (1, 2)], [(1, 2), (0, 1)]):
+        row = np.array([[0.0, 0.0], [1.9, 0.0], [3.8, 0.0]])
+        assert _stretch_of_sweep(row, pairs, 2.0, 0.0) == pytest.approx(expected)
 
 
 def test_a_contact_that_closes_within_the_ball_counts():
