@@ -56,8 +56,8 @@ def draw_parts(entries: list[dict]) -> str:
         for column, e in enumerate(entries):
             _draw_shares(figure.add_subplot(1, len(entries), column + 1), e)
         for name, colour in {**PHASE_COLOURS, VIOLATION: MUTED}.items():
-            figure.axes[0].plot([], [], "s", color=colour, label=name)
-        figure.axes[0].legend(frameon=False, fontsize=6.5)
+            figure.axes[-1].plot([], [], "s", color=colour, label=name)
+        figure.axes[-1].legend(frameon=False, fontsize=6.5)
         figure.subplots_adjust(0.06, 0.18, 0.99, 0.9, 0.3, 0.0)
     return write_svg(figure)
 
