@@ -236,7 +236,7 @@ WORK = (
         "work",
         "word",
         "",
-        "why an event-driven run was followed in Python, and why steps are not proven to hide no "
+        "why the loop of a run was in Python, and why event-driven steps are not proven to hide no "
         "event: what cannot be traced, in which line, and what to write instead",
         owner="solver",
     ),

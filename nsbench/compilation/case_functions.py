@@ -34,11 +34,21 @@ class CaseFunction:
 class LoopFunctions:
     """The functions that a time loop calls, in the order of its first arguments.
 
-    loop: "compiled" where they are pointers, "host" where they are Python functions.
+    loop: "compiled" where they are pointers, "host" where they are Python functions. stats: what a
+    run says of it.
     """
 
     functions: tuple
     loop: str
+    stats: dict
+
+
+COMPILED = {"loop": "compiled"}  # what a run says of a compiled loop
+
+
+def in_python(reason: str) -> dict:
+    """Return what a run says of a loop that ran in Python, and why it did."""
+    return {"loop": "host", "note": f"The loop ran in Python, which is slower: {reason}."}
 
 
 def drift_function(drift: Callable, n: int) -> CaseFunction:
@@ -74,9 +84,10 @@ def curve_function(
 def compile_functions(*functions: CaseFunction) -> LoopFunctions:
     """Compile the functions, or build all of them in Python where numba cannot compile one."""
     try:
-        return LoopFunctions(tuple(f.pointer() for f in functions), "compiled")
-    except factories.CompileError:
-        return LoopFunctions(tuple(f.in_python() for f in functions), "host")
+        return LoopFunctions(tuple(f.pointer() for f in functions), "compiled", COMPILED)
+    except factories.CompileError as e:
+        stats = in_python(f"numba cannot compile the functions of the case ({e})")
+        return LoopFunctions(tuple(f.in_python() for f in functions), "host", stats)
 
 
 def _filling(function: Callable) -> Callable:

@@ -85,7 +85,7 @@ def _run_event_driven(case: Case, say: Say) -> Trajectory | None:
     words = (
         "" if note else loop.get(traj.stats.get("loop"), ""),
         note.removesuffix("."),
-        "" if note and traj.stats["unproven"] else roots.get(traj.stats.get("roots"), ""),
+        "" if note and traj.stats.get("unproven") else roots.get(traj.stats.get("roots"), ""),
         "" if traj.status.ok else str(traj.status),
     )
     say(f"{case.key}: event_driven: {'; '.join(filter(None, words))}")

@@ -140,13 +140,21 @@ class CatchingUp(StepOrTolerance):
             march, loop = _compiled(case, scene, g, x0, reach)
             again = lambda fine, x: _compiled(case, scene, fine, x, reach)[0]().x
         else:
+            from nsbench.compilation.case_functions import in_python
             from nsbench.solvers.catching_up.host_loop import HostLoop
 
-            loop = "host"
+            loop = in_python(self._why_in_python(smooth))
             options = (self.backend, self.nonlinear, reach, self.eps, self.max_iter)
             march = HostLoop(case, scene, g, x0, *options).run
             again = lambda fine, x: HostLoop(case, scene, fine, x, *options).run().x
         return lambda: _trajectory(case, g, loop, march(), again)
+
+    def _why_in_python(self, has_smooth: bool) -> str:
+        if has_smooth:
+            return "Smooth constraints are linearised there"
+        if self.nonlinear:
+            return "nonlinear steps are solved by sequential quadratic programmes there"
+        return f"the backend {self.backend} is called from there"
 
 
 def _projectors(scene):
@@ -159,7 +167,7 @@ def _projectors(scene):
 
 
 def _compiled(case, scene, g, x0, reach):
-    """Return the time loop bound to its data, and "compiled" or "host"."""
+    """Return the time loop bound to its data, and what the run says of it."""
     from nsbench.dynamics.contacts.kernels.contact_arrays import AffineRows
     from nsbench.solvers.catching_up.kernels import loop as kernel
     from nsbench.compilation.case_functions import (
@@ -206,7 +214,7 @@ def _compiled(case, scene, g, x0, reach):
             out.x, out.reaction, out.ids, out.values, work, out.worst, out.when, code, out.reached
         )
 
-    return run, functions.loop
+    return run, functions.stats
 
 
 def _trajectory(case, g, loop, out, again):
@@ -221,7 +229,7 @@ def _trajectory(case, g, loop, out, again):
         "steps": steps,
         "h": g.h,
         "drift_calls": steps,
-        "loop": loop,
+        **loop,
         "kkt": float(out.worst),
         **out.work,
     }

@@ -15,6 +15,7 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.case.scale import time_text
+from nsbench.compilation.case_functions import in_python
 from nsbench.dynamics.hybrid import EPS, HybridSystem
 from nsbench.solvers.base import Grid, last_steps
 from nsbench.solvers.common.divergence import ended
@@ -57,7 +58,7 @@ class HybridEuler:
             "h": g.h,
             "drift_calls": self.system.calls,
             "events": len(self.events),
-            "loop": "host",
+            **in_python("hybrid systems have no compiled loop"),
         }
         return Trajectory(
             self.case.t,

@@ -134,7 +134,7 @@ class Euler:
 
         def run() -> Trajectory:
             with np.errstate(all="ignore"):
-                return self._trajectory(case, g, functions.loop, march(*args))
+                return self._trajectory(case, g, functions.stats, march(*args))
 
         return run
 
@@ -145,7 +145,7 @@ class Euler:
         between = _between(case, g, X, W, looked) if W.shape[1] else None
         if not g.aligned:
             X, W = samples(case.t, g.t, X, W)
-        stats = {"steps": int(g.substeps.sum()), "h": g.h, "drift_calls": int(calls), "loop": loop}
+        stats = {"steps": int(g.substeps.sum()), "h": g.h, "drift_calls": int(calls), **loop}
         if self.implicit:
             stats["inner_iterations"] = int(inner)
         status = _status(code, reached)

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from nsbench.compilation.case_functions import in_python
 from nsbench.solvers.event_driven.filippov.kernels import loop_state as codes
 from nsbench.solvers.event_driven.filippov.tracing.refusals import UNTRACEABLE, describe_refusal
 from nsbench.dynamics.interval_taylor import Jet, as_jet
@@ -40,7 +41,7 @@ def describe_slow_path(
     """
     sentences = []
     if reason:
-        sentences.append(f"The loop ran in Python, which is slower: {reason}.")
+        sentences.append(in_python(reason)["note"])
     if hand_overs:
         causes = ", or ".join(HAND_OVERS[c] for c in dict.fromkeys(hand_overs) if c in HAND_OVERS)
         count = len(hand_overs)

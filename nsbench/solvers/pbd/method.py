@@ -131,10 +131,11 @@ class PBD(StepOrTolerance):
         scene = ConstraintSet(case.problem, case.n)
         x0 = initial_state(case, scene)
         if any(isinstance(c, Smooth) for c in scene.families):
+            from nsbench.compilation.case_functions import in_python
             from nsbench.solvers.pbd.host_loop import prepare
 
             march = prepare(self, case, scene, g, x0)
-            loop = "host"
+            loop = in_python("Smooth constraints are projected by Newton's method there")
             again = lambda fine, x: prepare(self, case, scene, fine, x)().x
         else:
             march, loop = self._compiled(case, scene, g, x0)
@@ -142,7 +143,7 @@ class PBD(StepOrTolerance):
         return lambda: build_trajectory(case, g, loop, march(), again)
 
     def _compiled(self, case, scene, g, x0):
-        """Return the time loop bound to its data, and "compiled" or "host"."""
+        """Return the time loop bound to its data, and what the run says of it."""
         if is_cell_scene(scene):
             return self._by_cells(case, scene, g, x0)
         return self._listed(case, scene, g, x0)
@@ -184,7 +185,7 @@ class PBD(StepOrTolerance):
                 return out._replace(contacts_peak=out.contacts_peak + scene.inv2.size)
             return self._listed(case, scene, g, x0)[0]()
 
-        return run, functions.loop
+        return run, functions.stats
 
     def _cell_scene(self, case, scene, x0, record):
         """Return the CellScene of the scene, and the number of its particles."""
@@ -239,7 +240,7 @@ class PBD(StepOrTolerance):
 
             args = (*head, ordered_arrays(scene.all_static(), self.order, self.seed), *walls)
         bound = bind_loop(march, functions.loop, args, module_in_python)
-        return (lambda: bound(*args)), functions.loop
+        return (lambda: bound(*args)), functions.stats
 
 
 def _drift_and_walls(case, scene):
@@ -286,12 +287,12 @@ def _first_rows(scene):
 
 
 def build_trajectory(
-    case: Case, g: Grid, loop: str, out: LoopResult, again: Callable | None = None
+    case: Case, g: Grid, loop: dict, out: LoopResult, again: Callable | None = None
 ) -> Trajectory:
     """Return the trajectory of a run on the grid g from its LoopResult.
 
-    loop: "compiled" or "host". again(grid, x) -> X (K, n): the same run on another grid, to see how
-    a state that is not finite came about.
+    loop: what the run says of its loop. again(grid, x) -> X (K, n): the same run on another grid,
+    to see how a state that is not finite came about.
     """
     from nsbench.dynamics.contacts.kernels.impulse_records import cumulate
     from nsbench.solvers.common.kernels.step_code import StepCode
@@ -303,7 +304,7 @@ def build_trajectory(
         "h": g.h,
         "drift_calls": steps,
         "projections": int(out.projections),
-        "loop": loop,
+        **loop,
     }
     if out.rebuilds >= 0:
         stats |= {"rebuilds": int(out.rebuilds), "contacts_peak": int(out.contacts_peak)}

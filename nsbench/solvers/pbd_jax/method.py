@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from nsbench.case import Case
+from nsbench.compilation.case_functions import COMPILED
 from nsbench.problem import Affine, Distance
 from nsbench.solvers.base import Claims, Run, check_positive, grid
 from nsbench.solvers.common.hard_particles import hard_particles, mean_radius
@@ -104,7 +105,7 @@ class PBDJax:
         x0 = initial_state(case, scene)
         march = _March(self, case, scene, g, x0)
         again = lambda fine, x: _March(self, case, scene, fine, x)().x
-        return lambda: build_trajectory(case, g, "compiled", march(), again)
+        return lambda: build_trajectory(case, g, COMPILED, march(), again)
 
 
 def _device(kind: str):

@@ -129,7 +129,7 @@ class Theta:
         )
         march = bind_loop(kernel.march, functions.loop, args, module_in_python)
         return lambda: _trajectory(
-            case, g, functions.loop, self.theta, B, unique or len(fixed) <= ALL, march(*args)
+            case, g, functions.stats, self.theta, B, unique or len(fixed) <= ALL, march(*args)
         )
 
 
@@ -225,7 +225,7 @@ def _trajectory(case, g, loop, theta, B, judged, out):
         "steps": int(g.substeps.sum()),
         "h": g.h,
         "drift_calls": int(count[CALLS]),
-        "loop": loop,
+        **loop,
         "qp_solves": int(count[LCPS]),
         "inner_iterations": int(count[INNER]),
         "pivots": int(count[PIVOTS]),

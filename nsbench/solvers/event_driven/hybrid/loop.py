@@ -14,6 +14,7 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.case.scale import time_text
+from nsbench.compilation.case_functions import in_python
 from nsbench.dynamics.hybrid import EPS, HybridSystem
 from nsbench.problem import Hybrid
 from nsbench.solvers.base import Run
@@ -114,7 +115,7 @@ class HybridIntegrator:
             "drift_calls": self.system.calls,
             "events": len(self.events),
             "restarts": self.arcs,
-            "loop": "host",
+            **in_python("hybrid systems have no compiled loop"),
             "roots": "sampled" if self.proof["unproven"] else "verified",
             **self.proof,
         }

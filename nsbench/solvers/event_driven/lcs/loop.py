@@ -10,6 +10,7 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.case.scale import time_text
+from nsbench.compilation.case_functions import in_python
 from nsbench.solvers.base import Run
 from nsbench.solvers.event_driven.accumulation import accumulation
 from nsbench.solvers.event_driven.lcs.linear_flow import (
@@ -111,7 +112,7 @@ class LcsIntegrator:
             "events": len(self.events),
             "restarts": self.arcs,
             "inner_iterations": self.choice.modes_tried,
-            "loop": "host",
+            **in_python("the collocation of linear complementarity systems is not compiled"),
         }
         return Trajectory(
             self.case.t,
