@@ -26,6 +26,7 @@ def host_twin(case, h, reach=0.3):
     """The run of the active set in the Python loop."""
     from nsbench.dynamics.contacts.constraint_set import ConstraintSet
     from nsbench.solvers.catching_up.host_loop import HostLoop
+    from nsbench.compilation.case_functions import in_python
     from nsbench.solvers.catching_up.method import _trajectory
 
     g = grid(case.t, h)
@@ -40,7 +41,7 @@ def host_twin(case, h, reach=0.3):
         None,
         None,
     )
-    return _trajectory(case, g, "host", loop.run(), None)
+    return _trajectory(case, g, in_python("asked for"), loop.run(), None)
 
 
 class Liar(qp_backends.ActiveSet):
