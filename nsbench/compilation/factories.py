@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from nsbench.compilation.draft_array import DraftNamespace, settle_results
+
 if TYPE_CHECKING:
     from numba.core.ccallback import CFunc
     from numba.core.dispatcher import Dispatcher
@@ -313,11 +315,11 @@ def without_compilation(function: Dispatcher, made: dict | None = None) -> Calla
 
 
 def as_jax(factory: Callable) -> Callable:
-    """Return the factory's function in jax.numpy, in float64."""
+    """Return the factory's function in jax.numpy, in float64, with arrays to fill."""
     import jax
 
     if not jax.config.jax_enable_x64:
         jax.config.update("jax_enable_x64", True)
     import jax.numpy as jnp
 
-    return factory(jnp)
+    return settle_results(factory(DraftNamespace(jnp)))

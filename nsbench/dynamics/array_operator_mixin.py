@@ -15,7 +15,7 @@ import numpy as np
 class ArrayOperators:
     """Arithmetic operators, iteration and flattening of a class that looks like a float64 array.
 
-    The class has shape, __getitem__ and reshape.
+    The class has shape, __getitem__, reshape and copy.
     """
 
     __slots__ = ()
@@ -28,10 +28,12 @@ class ArrayOperators:
         """Return the entries in one dimension."""
         return self.reshape(-1)
 
-    flatten = ravel
+    def flatten(self) -> Self:
+        """Return a copy in one dimension."""
+        return self.ravel().copy()
 
     def __pos__(self):
-        return self
+        return self.copy()
 
     def __add__(self, o):
         return np.add(self, o)

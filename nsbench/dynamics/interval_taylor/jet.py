@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
+from nsbench.compilation.draft_array import Draft, DraftNamespace, holds_drafts, settled
 from nsbench.dynamics.array_operator_mixin import ArrayOperators
 
 ORDER = 9  # one more than the degree of the interpolants that the last coefficient bounds
@@ -61,12 +62,14 @@ class Jet(ArrayOperators):
     shape = property(lambda self: self.mid.shape[:-2])
     ndim = property(lambda self: self.mid.ndim - 2)
     size = property(lambda self: int(np.prod(self.shape)))
-    T = property(lambda self: _arranged(np.transpose, self))
+    T = property(lambda self: self.transpose())
     range = property(
         lambda self: (self.mid[..., 0] - self.rad[..., 0], self.mid[..., 0] + self.rad[..., 0])
     )
 
     def __array_ufunc__(self, ufunc, method, *inputs, **kwargs):
+        if holds_drafts(inputs, kwargs):
+            return NotImplemented
         if (
             method == "__call__"
             and ufunc in _ufuncs
@@ -77,6 +80,8 @@ class Jet(ArrayOperators):
         raise TypeError(f"no Jet of {ufunc.__name__}")
 
     def __array_function__(self, func, types, args, kwargs):
+        if Draft in types:
+            return NotImplemented
         if func in _functions:
             return _functions[func](*args, **kwargs)
         if func in _rearrangements:
@@ -95,30 +100,47 @@ class Jet(ArrayOperators):
         return self.shape[0]
 
     def __getitem__(self, index):
-        return _arranged(lambda a: a[index], self)
+        return self._each(np.ndarray.__getitem__, self._with_coefficients(index))
 
     def __setitem__(self, index, value):
-        where = np.arange(self.size).reshape(self.shape)[index]
-        value = _arranged(np.broadcast_to, as_jet(value, self.mid.shape[-2]), where.shape)
-        for mine, new in ((self.mid, value.mid), (self.rad, value.rad)):
-            mine.reshape(-1, *mine.shape[-2:])[where.ravel()] = new.reshape(-1, *new.shape[-2:])
+        value = as_jet(value, self.mid.shape[-2])
+        full = self._with_coefficients(index)
+        self.mid[full] = value.mid
+        self.rad[full] = value.rad
+
+    def _with_coefficients(self, index):
+        """Return the index of all coefficients of the entries; IndexError if there are none."""
+        np.broadcast_to(0.0, self.shape)[index]
+        index = index if isinstance(index, tuple) else (index,)
+        open_ = any(i is Ellipsis for i in index)
+        return (*index, slice(None), slice(None)) if open_ else (*index, Ellipsis)
+
+    def _each(self, func, *args):
+        """Return the Jet of func(middles) and func(radii), which share entries as arrays do."""
+        return Jet(func(self.mid, *args), func(self.rad, *args))
 
     def reshape(self, *shape) -> Jet:
         """Return the Jet with another shape, given as a tuple or as arguments."""
-        return _arranged(np.reshape, self, shape[0] if len(shape) == 1 else shape)
+        shape = np.atleast_1d(np.array(shape[0] if len(shape) == 1 else shape, int))
+        return self._each(np.reshape, (*shape, *self.mid.shape[-2:]))
+
+    def transpose(self, axes: tuple | None = None) -> Jet:
+        """Return the Jet with its dimensions in another order, or in the opposite one."""
+        order = range(self.ndim)[::-1] if axes is None else [k % self.ndim for k in axes]
+        return self._each(np.transpose, (*order, -2, -1))
 
     def copy(self) -> Jet:
         """Return a copy that shares no array."""
         return Jet(self.mid.copy(), self.rad.copy())
 
     def astype(self, dtype) -> Jet:
-        """Return the Jet itself; raise TypeError for a type other than float64."""
+        """Return a copy; raise TypeError for a type other than float64."""
         if np.dtype(dtype) != np.float64:
             raise TypeError(f"no Jet of {dtype}")
-        return self
+        return self.copy()
 
     def __neg__(self):
-        return Jet(-self.mid, self.rad)
+        return Jet(-self.mid, self.rad.copy())
 
     def __abs__(self):
         return np.abs(self)
@@ -157,6 +179,7 @@ def as_jet(value, pieces: int) -> Jet:
 
     Arrays and lists of Jets become one Jet. Raises TypeError for types that are no numbers.
     """
+    value = settled(value)
     if isinstance(value, Jet):
         return value
     if isinstance(value, (list, tuple)) and any(isinstance(v, (Jet, list, tuple)) for v in value):
@@ -217,29 +240,16 @@ def jets_among(args: Iterable) -> Iterator[Jet]:
             yield from jets_among(a)
 
 
-class _Space:
+class _Space(DraftNamespace):
     """The namespace to hand to a factory: numpy, with constructors that take Jets."""
 
-    __name__ = "numpy"
-
-    def __getattr__(self, name):
-        return getattr(np, name)
-
-    @staticmethod
-    def array(value, dtype=None) -> np.ndarray | Jet:
+    def convert(self, name, value, dtype) -> np.ndarray | Jet:
         """Build an array, or a Jet if the value contains one."""
-        return _made(value, np.array)
-
-    @staticmethod
-    def asarray(value, dtype=None) -> np.ndarray | Jet:
-        """Return an array, or a Jet if the value contains one."""
-        return _made(value, np.asarray)
-
-
-def _made(value, make):
-    """Return make(value), or a Jet if the value contains one."""
-    found = next(jets_among([value]), None)
-    return make(value) if found is None else as_jet(value, found.mid.shape[-2])
+        found = next(jets_among([value]), None)
+        if found is None:
+            return super().convert(name, value, dtype)
+        made = as_jet(value, found.mid.shape[-2])
+        return made.copy() if name == "array" else made
 
 
 SPACE = _Space()

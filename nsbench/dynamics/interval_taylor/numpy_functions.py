@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from nsbench.dynamics.interval_taylor import arithmetic, nonsmooth
-from nsbench.dynamics.interval_taylor.jet import as_jet, register_numpy_functions
+from nsbench.dynamics.interval_taylor.jet import Jet, as_jet, register_numpy_functions
 
 UFUNCS = {
     np.add: arithmetic.add,
@@ -16,7 +16,7 @@ UFUNCS = {
     np.float_power: arithmetic.power,
     np.matmul: arithmetic.matmul,
     np.negative: lambda a: -a,
-    np.positive: lambda a: a,
+    np.positive: lambda a: a.copy(),
     np.square: arithmetic.square,
     np.sqrt: lambda a: arithmetic.root(a, 0.5),
     np.reciprocal: lambda a: arithmetic.divide(1.0, a),
@@ -70,6 +70,9 @@ FUNCTIONS = {
     np.min: nonsmooth.fold(nonsmooth.minimum),
     np.prod: nonsmooth.fold(arithmetic.multiply),
     np.copy: lambda a, **_: a.copy(),
+    np.ravel: lambda a: a.ravel(),
+    np.reshape: lambda a, shape: a.reshape(shape),
+    np.transpose: Jet.transpose,
     np.shape: lambda a: a.shape,
     np.ndim: lambda a: a.ndim,
     np.size: lambda a: a.size,
@@ -89,11 +92,8 @@ REARRANGEMENTS = {
     np.expand_dims,
     np.squeeze,
     np.broadcast_to,
-    np.transpose,
     np.moveaxis,
     np.swapaxes,
-    np.ravel,
-    np.reshape,
     np.take,
     np.atleast_1d,
     np.diag,

@@ -12,6 +12,7 @@ from itertools import product
 
 import numpy as np
 
+from nsbench.compilation.draft_array import settled
 from nsbench.dynamics.filippov.vector_field import FREE
 from nsbench.problem import Filippov
 from nsbench.dynamics.interval_taylor import SPACE
@@ -31,7 +32,7 @@ def interval_fields(problem: Filippov) -> Callable:
         values = [switch(t, x)]
         for signs in product((1.0, -1.0), repeat=on.size):
             s[on] = signs
-            values.append(field(t, x, s.copy()))
+            values.append(settled(field(t, x, s.copy())))  # f may fill one array again
         return values
 
     return evaluate

@@ -20,7 +20,7 @@ def _sum(a, axis=None, **_):
     ids = a.ids.reshape(-1) if axis is None else np.moveaxis(a.ids, axis, 0)
     if not len(ids):
         return Traced(a.graph, nodes(a.graph, np.zeros(ids.shape[1:])))
-    out = Traced(a.graph, ids[0])
+    out = Traced(a.graph, ids[0].copy())
     for row in ids[1:]:
         out = out + Traced(a.graph, row)
     return out
@@ -53,7 +53,7 @@ def _fold(pick):
 
     def fold(a, axis=None, **_):
         rows = a.reshape(-1) if axis is None else np.moveaxis(a, axis, 0)
-        out = rows[0]
+        out = rows[0].copy()
         for k in range(1, len(rows)):
             out = pick(out, rows[k])
         return out

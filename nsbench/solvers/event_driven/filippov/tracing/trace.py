@@ -12,6 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from nsbench.compilation.draft_array import Draft, DraftNamespace, holds_drafts, settled
 from nsbench.dynamics.array_operator_mixin import ArrayOperators
 from nsbench.solvers.event_driven.filippov.tracing import kinks
 from nsbench.solvers.event_driven.filippov.tracing.graph import Graph
@@ -54,6 +55,8 @@ class Traced(ArrayOperators):
     T = property(lambda self: Traced(self.graph, self.ids.T))
 
     def __array_ufunc__(self, ufunc, method, *inputs, **kwargs):
+        if holds_drafts(inputs, kwargs):
+            return NotImplemented
         if (
             method == "__call__"
             and ufunc in _ufuncs
@@ -63,6 +66,8 @@ class Traced(ArrayOperators):
         raise refusal(ufunc.__name__)
 
     def __array_function__(self, func, types, args, kwargs):
+        if Draft in types:
+            return NotImplemented
         if func in _functions:
             return _functions[func](*args, **kwargs)
         if func in _rearrangements:
@@ -125,7 +130,6 @@ class Traced(ArrayOperators):
         return Traced(self.graph, self.ids[index])
 
     def __setitem__(self, index, value):
-        self.ids = self.ids.copy()
         self.ids[index] = nodes(self.graph, value)
 
     def reshape(self, *shape):
@@ -137,7 +141,7 @@ class Traced(ArrayOperators):
     def astype(self, dtype):
         if np.dtype(dtype) != np.float64:
             raise TypeError(f"{dtype} cannot be traced")
-        return self
+        return self.copy()
 
     def __neg__(self):
         return np.negative(self)
@@ -164,6 +168,7 @@ class Traced(ArrayOperators):
 def nodes(graph: Graph, value) -> np.ndarray:
     """Return the integer array of BASE + node of a Traced, of numbers, or of nested lists of
     both."""
+    value = settled(value)
     if isinstance(value, Traced):
         return value.ids
     if isinstance(value, (list, tuple)) and any(
@@ -217,21 +222,15 @@ def _take(a, indices):
     return elementwise(lambda graph, i: kinks.take(graph, table, i))(indices.graph, indices)
 
 
-class _Space:
+class _Space(DraftNamespace):
     """The namespace to hand to a factory: numpy, with constructors that take traced numbers."""
 
-    __name__ = "numpy"
-
-    def __getattr__(self, name):
-        return getattr(np, name)
-
-    @staticmethod
-    def array(value, dtype=None):
-        return _made(value, np.array)
-
-    @staticmethod
-    def asarray(value, dtype=None):
-        return _made(value, np.asarray)
+    def convert(self, name, value, dtype):
+        found = find_traced(value)
+        if found is None:
+            return super().convert(name, value, dtype)
+        made = Traced(found.graph, nodes(found.graph, value))
+        return made.copy() if name == "array" else made
 
     @staticmethod
     def take(a, indices, **kwargs):
@@ -239,11 +238,6 @@ class _Space:
         if isinstance(indices, Traced):
             return _take(a, indices)
         return np.take(a, indices, **kwargs)
-
-
-def _made(value, make):
-    found = find_traced(value)
-    return make(value) if found is None else Traced(found.graph, nodes(found.graph, value))
 
 
 def find_traced(value) -> Traced | None:
