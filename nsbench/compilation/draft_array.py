@@ -16,13 +16,14 @@ from collections.abc import Callable
 import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
+UNWRITTEN = -1  # position of an entry of xp.empty
 MOST_WRITES = 20_000  # their values are kept as long as the array
 # functions and methods whose result shares the entries of an array, or only moves them
-ARRANGE = frozenset(
-    getattr(np, name)
+ARRANGE = {
+    name: getattr(np, name)
     for name in "ravel reshape transpose squeeze expand_dims swapaxes moveaxis flip fliplr flipud "
     "rot90 atleast_1d atleast_2d diagonal broadcast_to roll tile repeat take".split()
-)
+}
 METHODS = frozenset(("reshape", "ravel", "transpose", "squeeze", "swapaxes", "diagonal", "take"))
 # functions and methods that write into an array or share its memory: written as assignments
 WRITERS = frozenset(
@@ -80,7 +81,9 @@ class _Values:
         return start
 
     def owners(self, positions):
-        """Return which array holds each position."""
+        """Return which array holds each position; TypeError if nothing is written there."""
+        if np.any(positions < 0):
+            raise TypeError("an entry of xp.empty is used before it is written")
         return np.searchsorted(self.starts, positions, "right") - 1
 
 
@@ -155,12 +158,15 @@ class Draft(NDArrayOperatorsMixin):
         return out[0]
 
     def __array_function__(self, func, classes, args, options):
-        if func in ARRANGE and args and isinstance(args[0], Draft):
-            return args[0]._part(func(args[0].where, *args[1:], **options))
+        if func in ARRANGE.values() and args and isinstance(args[0], Draft):
+            return args[0].arranged(func, args[1:], options)
         if func in WRITERS or options.get("out") is not None:
             raise TypeError(f"{func.__name__} into an array cannot be traced; write out[i] = v")
-        names = dict(zip(options, settled(tuple(options.values())), strict=True))
-        return func(*settled(args), **names)
+        return _call_settled(func, args, options)
+
+    def arranged(self, func: Callable, args: tuple, options: dict) -> Draft:
+        """Return the entries in the order that a function of numpy gives them."""
+        return self._part(func(self.where, *args, **options))
 
     def __array__(self, dtype=None, copy=None):
         value = self.settled()
@@ -216,7 +222,9 @@ class DraftNamespace:
             return found
         if isinstance(found, types.ModuleType):
             return DraftNamespace(found)
-        return found if isinstance(found, type) or not callable(found) else _Function(found)
+        if isinstance(found, type) or not callable(found):
+            return found
+        return _Function(found, ARRANGE.get(name) if hasattr(self.plain, "zeros") else None)
 
     def join(self, parts: list) -> object:
         """Return several flat arrays as a new one."""
@@ -273,8 +281,11 @@ class DraftNamespace:
         return self.full(shape, 1.0, dtype)
 
     def empty(self, shape, dtype=None, **_):
-        """Build an array whose entries are no numbers until they are written."""
-        return self.full(shape, np.nan if _is_float(dtype) else 0, dtype)
+        """Build an array whose entries are refused until they are written."""
+        out = self.zeros(shape, dtype)
+        if isinstance(out, Draft):
+            out.where[...] = UNWRITTEN
+        return out
 
     def full(self, shape, fill_value, dtype=None, **_):
         """Build an array of one value, or of one that is broadcast."""
@@ -294,7 +305,7 @@ class DraftNamespace:
         return self.full_like(a, 1.0, dtype)
 
     def empty_like(self, a, dtype=None, **_):
-        """Build an array of the shape of another whose entries are no numbers yet."""
+        """Build an array as `empty`, of the shape of another and of its type."""
         out = self.zeros_like(a, dtype)
         return self.empty(out.shape, out.dtype)
 
@@ -305,17 +316,25 @@ class DraftNamespace:
 
 
 class _Function:
-    """A function of a namespace that does not know Drafts."""
+    """A function of a namespace that does not know Drafts; arrange: numpy's, or None."""
 
-    def __init__(self, f):
+    def __init__(self, f, arrange):
         self.f = f
+        self.arrange = arrange
 
     def __call__(self, *args, **options):
-        names = dict(zip(options, settled(tuple(options.values())), strict=True))
-        return self.f(*settled(args), **names)
+        if self.arrange and args and isinstance(args[0], Draft):
+            return args[0].arranged(self.arrange, args[1:], options)
+        return _call_settled(self.f, args, options)
 
     def __getattr__(self, name):
         return getattr(self.f, name)
+
+
+def _call_settled(f, args, options):
+    """Call a function with arrays in place of Drafts."""
+    names = dict(zip(options, settled(tuple(options.values())), strict=True))
+    return f(*settled(args), **names)
 
 
 def _computed(index):
