@@ -9,7 +9,7 @@ from nsbench import Affine, Case, Complementarity, Distance, Filippov
 from nsbench.compilation.draft_array import Draft
 from nsbench.compilation.factories import as_jax
 from nsbench.dynamics.interval_taylor import SPACE as JETS
-from nsbench.dynamics.interval_taylor import as_jet
+from nsbench.dynamics.interval_taylor import as_jet, enclosing
 from nsbench.solvers import solve
 from nsbench.solvers.event_driven.contacts.drift_program import trace_drift
 from nsbench.solvers.event_driven.filippov.tracing.graph import Graph
@@ -112,6 +112,13 @@ def test_interval_series_hold_what_numpy_computes(form):
     found = as_jet(form(JETS, as_jet(np.float64(0.7), 3), as_jet(x, 3)), 3)
     off = np.abs(found.mid[..., 0] - form(np, 0.7, x.copy())[:, None])
     assert np.all(off <= found.rad[..., 0]) and found.rad.max() < 1e-12
+
+
+def test_a_write_into_the_negative_leaves_the_radii_of_the_enclosure():
+    x = enclosing(np.zeros((2, 1)), np.ones((2, 1)))
+    w = -x
+    w[0] = 0.0
+    assert np.all(x.rad[..., 0] >= 1.0) and w.rad[0].max() == 0.0
 
 
 @pytest.mark.parametrize("form", FORMS, ids=lambda f: f.__name__)
