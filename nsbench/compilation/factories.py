@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import functools
 import types
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -22,6 +22,10 @@ if TYPE_CHECKING:
     from numba.core.dispatcher import Dispatcher
 
     from nsbench.compilation.cfunc_cache import Pointer
+
+
+# what a function of a case may return: numpy makes an array of it
+Value = np.ndarray | Sequence | float
 
 
 @dataclass(frozen=True)
@@ -48,12 +52,14 @@ class CompileError(Exception):
 def as_numpy(factory: Callable) -> Callable:
     """Return the factory's function in numpy, called with times of numpy's type.
 
-    A Python float divided by zero, as at a pole in time, would raise.
+    A Python float divided by zero, as at a pole in time, would raise. Lists and tuples that it
+    returns become arrays.
     """
     f = factory(np)
 
     def at(t: float, *args: np.ndarray) -> np.ndarray:
-        return f(np.float64(t) if type(t) is float else t, *args)
+        value = f(np.float64(t) if type(t) is float else t, *args)
+        return np.asarray(value) if isinstance(value, (list, tuple)) else value
 
     return at
 
@@ -186,8 +192,10 @@ def _scaled_state(size, room):
 
 def _store_scaled(unit):
     """Return a kernel that writes unit v to `out`, or nothing if v is neither as long nor one."""
+    from nsbench.compilation.sequences import vector
 
-    def store(v: np.ndarray, out: np.ndarray) -> None:
+    def store(value: Value, out: np.ndarray) -> None:
+        v = vector(value)
         for i in range(out.size if v.size == out.size or v.size == 1 else 0):
             out[i] = unit[i if unit.size > 1 else 0] * v[i if v.size > 1 else 0]
 
@@ -227,15 +235,16 @@ def _fill_scaled_signed(f, scaling, room):
 @functools.lru_cache(maxsize=256)
 def rhs_cfunc(factory: Callable, n: int) -> CFunc | Pointer:
     """``drift(xp) -> (t, x)`` as a cfunc (t, x, out), x and out (n,)."""
+    from nsbench.compilation.sequences import vector
+
     void, f8, vec = _types()
 
     def make(f: Callable) -> Callable:
         def fill(t: float, x: np.ndarray, out: np.ndarray) -> None:
             for i in range(out.size):
                 out[i] = np.nan  # what is left if f raises: a callback cannot pass an exception on
-            v = f(
-                t, x
-            )  # element by element: assigning a slice takes two seconds to compile in each process
+            v = vector(f(t, x))
+            # element by element: assigning a slice takes two seconds to compile in each process
             for i in range(out.size if v.size == out.size or v.size == 1 else 0):
                 out[i] = v[i if v.size > 1 else 0]
 
@@ -247,13 +256,15 @@ def rhs_cfunc(factory: Callable, n: int) -> CFunc | Pointer:
 @functools.lru_cache(maxsize=256)
 def signed_rhs_cfunc(factory: Callable, n: int, d: int) -> CFunc | Pointer:
     """Compile ``field(xp) -> (t, x, s)`` as a cfunc (t, x, s, out)."""
+    from nsbench.compilation.sequences import vector
+
     void, f8, vec = _types()
 
     def make(f: Callable) -> Callable:
         def fill(t: float, x: np.ndarray, s: np.ndarray, out: np.ndarray) -> None:
             for i in range(out.size):
                 out[i] = np.nan
-            v = f(t, x, s)
+            v = vector(f(t, x, s))
             for i in range(out.size if v.size == out.size or v.size == 1 else 0):
                 out[i] = v[i if v.size > 1 else 0]
 
@@ -265,14 +276,17 @@ def signed_rhs_cfunc(factory: Callable, n: int, d: int) -> CFunc | Pointer:
 @functools.lru_cache(maxsize=256)
 def curve_cfunc(factory: Callable, size: int) -> CFunc | Pointer:
     """Compile ``b(xp) -> (t) -> array`` as a cfunc (t, out), out flat of the given size."""
+    from nsbench.compilation.sequences import vector
+
     void, f8, vec = _types()
 
     def make(f: Callable) -> Callable:
         def fill(t: float, out: np.ndarray) -> None:
-            out[:] = np.nan
-            value = np.asarray(f(t)).ravel()
             for i in range(out.size):
-                out[i] = value[i]
+                out[i] = np.nan
+            v = vector(f(t))
+            for i in range(out.size if v.size == out.size or v.size == 1 else 0):
+                out[i] = v[i if v.size > 1 else 0]
 
         return fill
 
