@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from nsbench.compilation.draft_array import DraftNamespace, settle_results
+from nsbench.compilation.draft_array import DraftNamespace, settled
 
 if TYPE_CHECKING:
+    import jax
     from numba.core.ccallback import CFunc
     from numba.core.dispatcher import Dispatcher
 
@@ -329,11 +330,26 @@ def without_compilation(function: Dispatcher, made: dict | None = None) -> Calla
 
 
 def as_jax(factory: Callable) -> Callable:
-    """Return the factory's function in jax.numpy, in float64, with arrays to fill."""
+    """Return the factory's function in jax.numpy, in float64, with arrays to fill.
+
+    Its values are arrays.
+
+    The function raises NotTraceable, with the user's line, where it is none of JAX.
+    """
     import jax
 
     if not jax.config.jax_enable_x64:
         jax.config.update("jax_enable_x64", True)
     import jax.numpy as jnp
 
-    return settle_results(factory(DraftNamespace(jnp)))
+    from nsbench.compilation.jax_errors import NotTraceable, describe_jax_error
+
+    f = factory(DraftNamespace(jnp))
+
+    def at(*args: float | jax.Array) -> jax.Array:
+        try:
+            return jnp.asarray(settled(f(*args)))
+        except (TypeError, AttributeError, IndexError, ValueError, NotImplementedError) as e:
+            raise NotTraceable(describe_jax_error(e)) from e
+
+    return at

@@ -49,7 +49,7 @@ def _make(p):
         u = p.u(xp)
 
         def f(t: float, x: np.ndarray) -> np.ndarray:
-            return a @ x + u(t)
+            return a @ x + xp.asarray(u(t))
 
         return f
 

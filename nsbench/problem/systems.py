@@ -71,7 +71,7 @@ def _leaf(drift):
         inner = drift(xp)
 
         def f(t: float, x: np.ndarray, s: np.ndarray) -> np.ndarray:
-            return inner(t, x)
+            return xp.asarray(inner(t, x))  # of a list or tuple
 
         return f
 
@@ -165,7 +165,7 @@ class Filippov:
                 b = xp.asarray(b)
 
             def g(t: float, x: np.ndarray, s: np.ndarray) -> np.ndarray:
-                return f(t, x) + b @ s
+                return xp.asarray(f(t, x)) + b @ s
 
             return g
 

@@ -14,6 +14,7 @@ import numpy as np
 from nsbench import input_errors
 from nsbench.case import Case
 from nsbench.compilation import factories
+from nsbench.compilation.jax_errors import NotTraceable
 from nsbench.dynamics.scaling.estimate import case_scale
 from nsbench.problem import LCS, Affine, Complementarity, Distance, Filippov, Hybrid, Smooth
 
@@ -207,12 +208,14 @@ def _check_jax(case: Case, function: Function, points: list) -> list[str]:
             if off := _differs(np.asarray(made(*arguments)), expected):
                 return [f"the {function.name} in JAX differs from numpy by {off:.3g}"]
         jax.make_jaxpr(made)(*arguments)
-    except Exception as e:  # whatever JAX raises on a function that is not written for it
+    except NotTraceable as e:
+        return [f"JAX cannot run the {function.name}, so penalty cannot: {e}"]
+    except Exception as e:  # of any other kind, or of the factory
         place = input_errors.place_of(e, case.source)
         text = next(iter(str(e).splitlines()), "")[:200]
         return [
             f"JAX cannot run the {function.name}{place}, so penalty cannot: {type(e).__name__}: "
-            f"{text}; write xp.sin for np.sin or math.sin, and xp.where(c, a, b) for `if c`"
+            f"{text}"
         ]
     return []
 

@@ -38,7 +38,7 @@ def _chain(parts):
         def make(xp: Any) -> Callable:
             if callable(part):
                 inner = part(xp)
-                return lambda t: inner(t).ravel()
+                return lambda t: xp.asarray(inner(t)).ravel()
             still = np.array(part).ravel()
             return lambda t: still
 

@@ -182,7 +182,7 @@ def _signed(factory, t0, T, S):
             rate = xp.asarray(rate)
 
         def scaled(t: float, x: np.ndarray, s: np.ndarray) -> np.ndarray:
-            return rate * f(t0 + T * t, size * x, s)
+            return rate * xp.asarray(f(t0 + T * t, size * x, s))
 
         if xp.__name__ == "numpy":
             scaled.scaling = Scaling(f, t0, T, size, rate)
@@ -214,7 +214,7 @@ def _function(factory, t0, T, S, factor):
             unit = xp.asarray(unit)
 
         def scaled(t: float, x: np.ndarray) -> np.ndarray:
-            return unit * g(t0 + T * t, size * x)
+            return unit * xp.asarray(g(t0 + T * t, size * x))
 
         if xp.__name__ == "numpy":
             scaled.scaling = _composed(Scaling(g, t0, T, size, unit))

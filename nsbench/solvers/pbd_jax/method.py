@@ -12,6 +12,7 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.compilation.case_functions import COMPILED
+from nsbench.compilation.jax_errors import NotTraceable, refusal
 from nsbench.problem import Affine, Distance
 from nsbench.solvers.base import Claims, Run, check_positive, grid
 from nsbench.solvers.common.hard_particles import hard_particles, mean_radius
@@ -99,11 +100,16 @@ class PBDJax:
     def prepare(self, case: Case, h: float) -> Run:
         """Compile the program for the lists of the start; return the run with the step h."""
         from nsbench.dynamics.contacts.constraint_set import ConstraintSet
+        from nsbench.solvers.registry import refused
 
         g = grid(case.t, h, last=case.exact_impulse is not None, states=case.n)
         scene = ConstraintSet(case.problem, case.n)
         x0 = initial_state(case, scene)
-        march = _March(self, case, scene, g, x0)
+        try:
+            march = _March(self, case, scene, g, x0)
+        except NotTraceable as e:
+            why = refusal(case.key, e)
+            return lambda: refused(case, why)
         again = lambda fine, x: _March(self, case, scene, fine, x)().x
         return lambda: build_trajectory(case, g, COMPILED, march(), again)
 
@@ -149,7 +155,17 @@ class _March:
         self.start = method.reach * mean_radius(scene) if scene.hard else 1.0
         self.sizes = (0, 0, 0)
         self.programs = {}
+        self.trace_functions()
         self.program(*self.lists(x0, self.start))
+
+    def trace_functions(self) -> None:
+        """Trace the functions of the case alone; raise NotTraceable where that fails."""
+        from nsbench.compilation.factories import as_jax
+        from nsbench.compilation.jax_cache import float64
+
+        jax = float64()
+        jax.eval_shape(as_jax(self.case.problem.drift), 0.0, self.x0)
+        jax.eval_shape(_right_sides(self.scene), 0.0)
 
     def lists(self, x: np.ndarray, reach: float) -> tuple[ListedContacts, Levels]:
         """Return the contacts near x (n,) in the order of the sweep, and their levels."""

@@ -12,6 +12,7 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.compilation.factories import as_numpy
+from nsbench.compilation.jax_errors import NotTraceable, refusal
 from nsbench.dynamics.scaling.scaled_case import scaled_case
 from nsbench.problem import LCS, Complementarity, Distance, Filippov, Hybrid
 from nsbench.solvers.base import Claims, Expect, Run, check_positive
@@ -221,15 +222,10 @@ class Penalty:
                 "frame in which the state is not so large.",
                 "maxiter",
             )
-        from nsbench.solvers.penalty.program import NotTraceable
-
         try:
             march = _march(self, case, x0, k)
         except NotTraceable as e:
-            why = (
-                f"JAX cannot trace the functions of {case.key} (do they use the array namespace "
-                f"they are given?): {e}."
-            )
+            why = refusal(case.key, e)
             return lambda: _nothing(case, why)
         levels = [k * 2.0**level for level in range(self.extrapolate + 1)]
 

@@ -9,12 +9,9 @@ import numpy as np
 
 from nsbench.compilation.function_digest import Unknown, fingerprint
 from nsbench.compilation.jax_cache import float64, program
+from nsbench.compilation.jax_errors import NotTraceable, describe_jax_error
 from nsbench.problem import Complementarity, Filippov
 from nsbench.trajectory import STATES_BETWEEN
-
-
-class NotTraceable(Exception):
-    """A factory of the case is not a function of JAX arrays; the message says why."""
 
 
 @dataclass(frozen=True)
@@ -102,10 +99,10 @@ def _traced(problem, n, samples, method, style, capacity, particles):
     made = slopes(problem, n, style, capacity)
     try:
         out = jax.eval_shape(made.f, 0.0, real(n), 1.0, lists)
+    except NotTraceable:
+        raise
     except (TypeError, AttributeError, IndexError, ValueError, NotImplementedError) as e:
-        raise NotTraceable(
-            f"{type(e).__name__}: {str(e).strip().splitlines()[0].rstrip('.')}"
-        ) from None
+        raise NotTraceable(describe_jax_error(e)) from None
     wrong = next((o.dtype for o in out if o.dtype != jnp.float64), None)
     if wrong is not None:
         raise NotTraceable(f"they return {wrong}, float64 is needed")
