@@ -109,7 +109,7 @@ def _in_numpy(function: Callable) -> Callable:
             return function
 
         def untraceable(*args: Any) -> np.ndarray:
-            raise TypeError("a function of numpy arrays is not traced")
+            raise TypeError("a function of numpy, not of an array namespace, is not traced")
 
         return untraceable
 

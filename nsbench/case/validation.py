@@ -76,8 +76,15 @@ def _check_drift(case, name: str, value: np.ndarray) -> None:
     if value.shape != case.x0.shape or value.dtype != np.float64:
         raise ValueError(
             f"{name} of {case.name} returns {value.dtype} of shape {value.shape}; float64 "
-            f"{case.x0.shape} is needed"
+            f"{case.x0.shape} is needed{_hint(value.shape, case.x0.shape)}"
         )
+
+
+def _hint(shape, wanted) -> str:
+    """Return how a number is made the vector of one entry that is wanted, as the end of a
+    sentence; else "".
+    """
+    return ": write `return [v]` for a number v" if shape == () and wanted == (1,) else ""
 
 
 def _check_modes(case, t0: float, x: np.ndarray) -> None:
@@ -181,6 +188,7 @@ def _check_curves(case, c, t0: float, x) -> None:
             wanted = shape or ("(m,)" if name == "g" else f"(a, {c.dim})")
             raise ValueError(
                 f"{name} of {case.name} returns the shape {a.shape}; {wanted} is needed"
+                f"{_hint(a.shape, (1,) if name == 'g' else shape)}"
             )
 
 
@@ -198,5 +206,5 @@ def _check_inputs(case) -> None:
         if value.shape != (size,) or value.dtype != np.float64:
             raise ValueError(
                 f"{name} of {case.name} returns {value.dtype} of shape {value.shape}; float64 "
-                f"({size},) is needed"
+                f"({size},) is needed{_hint(value.shape, (size,))}"
             )

@@ -35,6 +35,10 @@ REMEDIES = (
         "gives a value to numpy; write xp.sin for np.sin, and a list for an array that is filled",
     ),
     (
+        "requires ndarray or scalar arguments, got <class '(list|tuple)'>",
+        "gives a list or tuple to a function of arrays; write xp.array([a, b]) for [a, b]",
+    ),
+    (
         "JAX arrays are immutable",
         "assigns to entries of an array; return a list of the entries, or write xp.where(c, a, b)",
     ),

@@ -102,6 +102,12 @@ def test_numbers_fill_and_wrong_lengths_give_none():
         compiled(lambda xp, t, x: (x[:1], x[1], 1.0))
 
 
+def test_a_number_for_one_coordinate_is_told_to_be_a_list():
+    drift = lambda xp: lambda t, x: -1.0
+    with pytest.raises(ValueError, match=r"drift of one .*\(1,\) is needed: write `return \[v\]`"):
+        Case("one", Complementarity(drift), np.ones(1), np.linspace(0.0, 1.0, 5))
+
+
 def stacks(xp):
     def f(t, x):
         return xp.stack([x[1], xp.sin(t) - x[0]])
@@ -203,6 +209,7 @@ UNTRACED = {
     "functions of math.*xp.sin": lambda xp: lambda t, x: [math.sin(x[0]), x[1]],
     "float.*write x.0.": lambda xp: lambda t, x: [float(x[0]), x[1]],
     "to numpy.*xp.sin for np.sin": lambda xp: lambda t, x: np.sin(x),
+    "a list or tuple.*xp.array": lambda xp: lambda t, x: xp.hstack((x[:1], [1.0])),
     "picks entries.*xp.where": lambda xp: lambda t, x: x[x > -9.0],
     "an index.*xp.take": lambda xp: lambda t, x: [2.0, 1.0][xp.argmax(x)] * x,
     "raises AttributeError.*nothing": lambda xp: lambda t, x: xp.nothing(x),
