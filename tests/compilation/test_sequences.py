@@ -8,7 +8,8 @@ import pytest
 
 from nsbench import Case, solve
 from nsbench.compilation import factories, jax_errors, sequences  # noqa: F401  (registers)
-from nsbench.problem import Affine, Complementarity, Filippov
+from nsbench.dynamics.scaling.scaled_case import scaled_case
+from nsbench.problem import Affine, Complementarity, Filippov, Hybrid, Transition
 
 X = np.random.default_rng(5).normal(size=3)
 
@@ -183,6 +184,14 @@ def test_runs_have_the_bits_of_arrays(build, method, step):
     runs = [solve(build(*functions), method, **step) for functions in FORMS.values()]
     assert [(run.status.code, run.stats["loop"]) for run in runs] == [("ok", "compiled")] * 3
     assert all(np.array_equal(runs[0].x, run.x) for run in runs[1:])
+
+
+def test_functions_in_numpy_and_scaled_ones_return_arrays():
+    """Of a guard that is a list, times the number that is its unit; of a drift on the host."""
+    leaves = Transition("on", lambda xp: lambda t, x: [x[0] - 0.5], "on")
+    scaled = scaled_case(case(Hybrid({"on": listed}, (leaves,)))).case.problem
+    assert np.shape(scaled.transitions[0].guard(np)(0.0, np.ones(2))) == (1,)
+    assert np.shape(0.5 * factories.as_numpy(in_a_tuple)(0.0, X[:2])) == (2,)
 
 
 def branches(xp):
