@@ -49,11 +49,6 @@ def settled(value: object, done: dict | None = None) -> object:
     return value
 
 
-def settle_results(f: Callable) -> Callable:
-    """Return the function whose results are arrays where those of f are Drafts."""
-    return lambda *args: settled(f(*args))
-
-
 def holds_drafts(args: tuple, options: dict) -> bool:
     """Is one of the arguments of a function of numpy, or its `out`, a Draft?"""
     return any(isinstance(v, Draft) for v in (*args, *(options.get("out") or ())))

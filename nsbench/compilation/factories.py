@@ -332,9 +332,7 @@ def without_compilation(function: Dispatcher, made: dict | None = None) -> Calla
 def as_jax(factory: Callable) -> Callable:
     """Return the factory's function in jax.numpy, in float64, with arrays to fill.
 
-    Its values are arrays.
-
-    The function raises NotTraceable, with the user's line, where it is none of JAX.
+    Its values are arrays. It raises NotTraceable, with the user's line, where it is none of JAX.
     """
     import jax
 
