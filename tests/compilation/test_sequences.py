@@ -205,7 +205,7 @@ def branches(xp):
 
 def fills(xp):
     def f(t, x):
-        y = xp.zeros_like(x)
+        y = 2.0 * x
         y[0] = x[1]
         return y
 

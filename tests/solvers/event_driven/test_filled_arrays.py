@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from nsbench import Affine, Case, Complementarity, Distance, Filippov
-from nsbench.compilation.draft_array import Draft
+from nsbench.compilation.draft_array import Draft, DraftNamespace
 from nsbench.compilation.factories import as_jax
 from nsbench.dynamics.interval_taylor import SPACE as JETS
 from nsbench.dynamics.interval_taylor import as_jet, enclosing
@@ -282,13 +282,9 @@ def test_what_is_not_traced_is_refused_with_its_line(form):
 
 @pytest.mark.parametrize("name", ["zeros", "ones", "empty", "full"])
 def test_other_types_of_numbers_and_attributes_are_the_namespace_s(name):
-    for xp, plain in ((TRACES, np), (as_jax(lambda xp: xp_of(xp))(), jax.numpy)):
+    for xp, plain in ((TRACES, np), (DraftNamespace(jax.numpy), jax.numpy)):
         values = (2.0,) if name == "full" else ()
         assert isinstance(getattr(xp, name)(3, *values), Draft)
         other = getattr(xp, name)(3, *values, dtype=int)
         assert other.dtype == getattr(plain, name)(3, *values, dtype=int).dtype
         assert xp.__name__ == plain.__name__
-
-
-def xp_of(xp):
-    return lambda: xp
