@@ -7,6 +7,7 @@ kernel_store        files of one kernel with checksums: damaged ones are compile
 compile_lock        one process compiles a kernel, the others wait and load it
 factories           a factory as a numpy function, as a numba function pointer, as a JAX function
 draft_array         arrays that functions fill entry by entry where a namespace has no assignment
+function_pointer    pointers to compiled functions as arguments of kernels
 cfunc_cache         machine code of such pointers on disk
 jax_cache           compiled JAX programs in memory and on disk
 jax_serialization   a JAX executable as bytes, without pickle

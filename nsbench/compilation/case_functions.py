@@ -2,7 +2,7 @@
 
 A loop is a numba kernel whose first arguments are functions of the case: the drift (t, x, out), the
 field (t, x, s, out), curves (t, out). Where numba compiles all of them, they are
-first-class function pointers, and the kernel, compiled once for every case, calls them. Where it
+pointers, and the kernel, compiled once for every case, calls them. Where it
 cannot compile one, the same source runs in Python around functions that fill `out` from numpy. Both
 give the same bits; stats["loop"] says which it was ("compiled" or "host").
 """
@@ -22,7 +22,7 @@ from nsbench.compilation import factories
 class CaseFunction:
     """A function of a case in two forms, neither of them built yet.
 
-    pointer() -> a first-class function pointer, or factories.CompileError; in_python() -> a Python
+    pointer() -> a function pointer, or factories.CompileError; in_python() -> a Python
     function with the same arguments.
     """
 

@@ -16,12 +16,13 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from llvmlite import binding as llvm
-from numba.core import config, types
+from numba.core import config
 from numba.core.ccallback import CFunc
 from numba.core.registry import cpu_target
 
 from nsbench.compilation import disk_cache
 from nsbench.compilation.function_digest import Unknown, fingerprint
+from nsbench.compilation.function_pointer import Pointer, pointer_to
 from nsbench.compilation.machine_and_libraries import machine, version
 from nsbench.source_files.package import package_digest
 
@@ -33,23 +34,6 @@ FORMAT = 1
 HARMLESS_SETTINGS = ("CACHE_DIR", "NUM_THREADS", "DEFAULT_NUM_THREADS")
 # in code that is bound to this process: a function that calls itself; an error with data in it
 PROCESS_BOUND = (b".numba.unresolved", b"__excinfo_unwrap_args")
-
-
-class Pointer(types.WrapperAddressProtocol):
-    """Machine code from the disk as a first-class function of numba: address, signature and the
-    engine that holds it."""
-
-    def __init__(self, address: int, signature: Signature, engine) -> None:
-        self.address = address
-        self._signature = signature
-        self._engine = engine
-
-    def __wrapper_address__(self) -> int:
-        return self.address
-
-    def signature(self) -> Signature:
-        """Return the numba signature of the function."""
-        return self._signature
 
 
 class _CompileResult:
@@ -123,7 +107,7 @@ def load(name: str | None, signature: Signature) -> Pointer | None:
     return Pointer(address, signature, engine) if address else None
 
 
-def compiled(name: str | None, signature: Signature, function: Callable) -> CFunc:
+def compiled(name: str | None, signature: Signature, function: Callable) -> Pointer:
     """Compile the callback, and store it under the name if its code can run in another process.
 
     Raises what numba raises.
@@ -143,7 +127,7 @@ def compiled(name: str | None, signature: Signature, function: Callable) -> CFun
             disk_cache.write(
                 disk_cache.cache_folder("pointers"), name, json.dumps(head).encode() + b"\n" + code
             )
-    return callback
+    return pointer_to(callback)
 
 
 def stands_alone(callback: CFunc) -> bool:

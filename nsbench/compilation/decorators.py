@@ -1,6 +1,7 @@
 """The numba decorators of this package: importing them configures numba's cache.
 
-`cfunc` is numba's own, and so is `njit`, but that Python alone calls by address what it compiles.
+`njit` is numba's own, but that Python alone calls by address what it compiles; `cfunc` returns a
+pointer to what it compiles, as an argument of kernels (nsbench.compilation.function_pointer).
 Every kernel takes them from here, so that numba knows where to store kernels, and when they are
 current, before it compiles one (nsbench.compilation.numba_cache).
 
@@ -18,17 +19,19 @@ functions of numpy on arrays. Hence `one`, and loops.
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numba
 import numpy as np
-from numba import cfunc
 
 from nsbench.compilation import numba_cache  # noqa: F401  (configures numba)
+from nsbench.compilation.function_pointer import Pointer, pointer_to
 from nsbench.compilation.inner_compiler import COMPILER
 
 if TYPE_CHECKING:
     from numba.core.dispatcher import Dispatcher
+    from numba.core.typing.templates import Signature
 
 __all__ = [
     "python_entry",
@@ -55,6 +58,11 @@ inlined = numba.njit(error_model="numpy", inline="always")
 # LLVM inlines it into its caller, where reference counts of borrowed arrays vanish
 fused_kernel = _inner(forceinline=True)
 njit = functools.partial(numba.njit, no_cfunc_wrapper=True)
+
+
+def cfunc(signature: Signature, **options: object) -> Callable[[Callable], Pointer]:
+    """Compile a function that kernels call by its address, once it is decorated."""
+    return lambda f: pointer_to(numba.cfunc(signature, **options)(f))
 
 
 @inner_kernel

@@ -1,8 +1,8 @@
 """Turn a factory, make(xp) -> f(t, x), into a numpy function, a numba cfunc or a JAX function.
 
-A compiled drift is a C callback ``(t, x, out)``. Passed to a cached kernel it is a first-class
-function pointer: the kernel is compiled once for every drift and stored on disk; the drift itself
-is compiled once per case, and stored too (nsbench.compilation.cfunc_cache).
+A compiled drift is a C callback ``(t, x, out)``. A cached kernel gets a pointer to it
+(nsbench.compilation.function_pointer): the kernel is compiled once for every drift and stored on
+disk; the drift itself is compiled once per case, and stored too (nsbench.compilation.cfunc_cache).
 """
 
 from __future__ import annotations
@@ -19,10 +19,9 @@ from nsbench.compilation.draft_array import DraftNamespace, settled
 
 if TYPE_CHECKING:
     import jax
-    from numba.core.ccallback import CFunc
     from numba.core.dispatcher import Dispatcher
 
-    from nsbench.compilation.cfunc_cache import Pointer
+    from nsbench.compilation.function_pointer import Pointer
 
 
 # what a function of a case may return: numpy makes an array of it
@@ -109,7 +108,7 @@ def _scaled_pointer(name, signature, make, scaling):
 
     function = _compiled(scaling.function)
     found = cfunc_cache.compiled(name, signature, make(function, scaling, STACK))
-    if cfunc_cache.stands_alone(found):
+    if cfunc_cache.stands_alone(found.owner):
         return found
     return cfunc_cache.compiled(None, signature, make(function, scaling, 0))
 
@@ -234,7 +233,7 @@ def _fill_scaled_signed(f, scaling, room):
 
 
 @functools.lru_cache(maxsize=256)
-def rhs_cfunc(factory: Callable, n: int) -> CFunc | Pointer:
+def rhs_cfunc(factory: Callable, n: int) -> Pointer:
     """``drift(xp) -> (t, x)`` as a cfunc (t, x, out), x and out (n,)."""
     from nsbench.compilation.sequences import vector
 
@@ -255,7 +254,7 @@ def rhs_cfunc(factory: Callable, n: int) -> CFunc | Pointer:
 
 
 @functools.lru_cache(maxsize=256)
-def signed_rhs_cfunc(factory: Callable, n: int, d: int) -> CFunc | Pointer:
+def signed_rhs_cfunc(factory: Callable, n: int, d: int) -> Pointer:
     """Compile ``field(xp) -> (t, x, s)`` as a cfunc (t, x, s, out)."""
     from nsbench.compilation.sequences import vector
 
@@ -275,7 +274,7 @@ def signed_rhs_cfunc(factory: Callable, n: int, d: int) -> CFunc | Pointer:
 
 
 @functools.lru_cache(maxsize=256)
-def curve_cfunc(factory: Callable, size: int) -> CFunc | Pointer:
+def curve_cfunc(factory: Callable, size: int) -> Pointer:
     """Compile ``b(xp) -> (t) -> array`` as a cfunc (t, out), out flat of the given size."""
     from nsbench.compilation.sequences import vector
 
@@ -294,21 +293,21 @@ def curve_cfunc(factory: Callable, size: int) -> CFunc | Pointer:
     return _pointer(factory, void(f8, vec), make)
 
 
-def constant_curve() -> CFunc:
-    """Return a cfunc (t, out) that does nothing: walls at rest."""
+def constant_curve() -> Pointer:
+    """Return a pointer to (t, out) that does nothing: walls at rest."""
     return _still()
 
 
 @functools.cache
 def _still():
-    import numba
+    from nsbench.compilation.decorators import cfunc
 
     void, f8, vec = _types()
 
     def nothing(t: float, out: np.ndarray) -> None:
         return
 
-    return numba.cfunc(void(f8, vec), cache=False)(nothing)
+    return cfunc(void(f8, vec))(nothing)
 
 
 def without_compilation(function: Dispatcher, made: dict | None = None) -> Callable:

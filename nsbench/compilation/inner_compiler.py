@@ -4,9 +4,8 @@ numba optimises every function and turns it into machine code when it is compile
 each caller, into which its code is linked. Of a function that nobody calls by its address the first
 is wasted. Here it stays what LLVM calls a module: linked into its callers, optimised there.
 
-A function that refers to its environment (it calls a callback, prints, or puts a message together)
-gets machine code all the same: numba sets the environment there. A call from Python raises
-TypeError.
+A function that refers to its environment (it prints, or puts a message together) gets machine code
+all the same: numba sets the environment there. A call from Python raises TypeError.
 """
 
 from __future__ import annotations

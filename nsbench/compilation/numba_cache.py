@@ -30,7 +30,8 @@ from nsbench.source_files.locations import ROOT, is_in_package
 KERNEL_FOLDERS = ("kernels", "linalg", "lcp")  # whatever lies below these is a kernel file
 # what kernels take from the folder `compilation`
 FOR_KERNELS = tuple(
-    f"compilation/{name}.py" for name in ("borrowed_arrays", "decorators", "inner_compiler")
+    f"compilation/{name}.py"
+    for name in ("borrowed_arrays", "decorators", "function_pointer", "inner_compiler")
 )
 COMPILES = re.compile(rb"^from nsbench\.compilation\.decorators import", re.M)
 

@@ -11,12 +11,11 @@ import contextlib
 import ctypes
 import functools
 
-import numba.experimental.function_type  # noqa: F401 (tells numba what a Pointer is)
 import numpy as np
 from numba.core import types as of
 
 from nsbench.compilation import factories
-from nsbench.compilation.cfunc_cache import Pointer
+from nsbench.compilation.function_pointer import Pointer
 
 # numba hands an array of one dimension over as seven words: two owners, the number of its items and
 # their size, the address of the data, shape and stride
