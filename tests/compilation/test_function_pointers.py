@@ -120,12 +120,18 @@ def test_a_pointer_keeps_its_machine_code():
 @pytest.mark.parametrize("other", [None, 7, test_a_call_runs_no_python])
 def test_what_is_no_pointer_is_refused(other):
     """What entry_point returns does not look at types."""
-    args = (TWICE, THRICE, 0.5, X, np.empty(X.size))
-    entry = entry_point(compose, args)
+
+    @njit
+    def call_after_zero(f, t, x, out):
+        if t > 0.0:
+            f(t, x, out)
+
+    arrays = (X, np.empty(X.size))
+    entry = entry_point(call_after_zero, (TWICE, 0.5, *arrays))
     with pytest.raises(AttributeError, match="address"):
-        entry(TWICE, other, *args[2:])
+        entry(other, -0.5, *arrays)
     with pytest.raises(TypeError):
-        entry(TWICE, type("Other", (), {"address": "0"})(), *args[2:])
+        entry(type("Other", (), {"address": "0"})(), -0.5, *arrays)
 
 
 def test_the_python_form_takes_python_functions():
