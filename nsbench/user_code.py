@@ -12,9 +12,14 @@ import faulthandler
 import os
 import sys
 import threading
+import warnings
 from collections.abc import Iterator
+from pathlib import Path
 
 SECONDS_BEFORE_NOTICE = 20.0
+
+_loading: list[Path] = []  # the files whose code is loaded now, each by the one before
+_shown: set[tuple] = set()  # the warnings of such files that this process has shown
 
 
 class UserCodeExit(RuntimeError):
@@ -51,6 +56,35 @@ def guarded(what: str) -> Iterator[None]:
         notice.cancel()
         if print_crashes:
             faulthandler.disable()
+
+
+@contextlib.contextmanager
+def loading(path: str | Path) -> Iterator[None]:
+    """Load a user's file within, or build its case: each of its warnings is shown once.
+
+    A command loads a file several times, each time as a new module, of which Python does not know
+    what it has shown.
+    """
+    _loading.append(Path(path))
+    # those of a file that it loads itself are shown with its own
+    first = len(_loading) == 1
+    recorded = warnings.catch_warnings(record=True) if first else contextlib.nullcontext([])
+    warned: list[warnings.WarningMessage] = []
+    try:
+        with recorded as warned:
+            yield
+    finally:
+        _loading.pop()
+        for w in warned:
+            place = (w.category, str(w.message), w.filename, w.lineno)
+            if place not in _shown:
+                _shown.add(place)
+                warnings.showwarning(w.message, w.category, w.filename, w.lineno)
+
+
+def loaded_file() -> Path | None:
+    """Return the user's file whose code is being loaded; None outside of `loading`."""
+    return _loading[-1] if _loading else None
 
 
 def _print_notice(what: str) -> None:

@@ -17,6 +17,7 @@ depends on it. A surface that only time moves is left along time.
 from __future__ import annotations
 
 import inspect
+import re
 import warnings
 from collections.abc import Callable, Sequence
 from itertools import product
@@ -26,6 +27,7 @@ import numpy as np
 
 from nsbench.case.definition import Case
 from nsbench.problem import Complementarity, Filippov, float_array
+from nsbench.user_code import loaded_file
 
 OFFSET_IN_SIZES = 1e-7  # its square is below the tolerance of any method
 ROUNDING = 64.0 * float(np.finfo(float).eps)  # of the size of c: below, a state is on the surface
@@ -45,13 +47,14 @@ def from_function(
     surfaces: Callable | Sequence[Callable] | None,
     y0: Any,
     t: Any,
-    name: str = "function",
+    name: str | None = None,
     **fields: Any,
 ) -> Case:
     """Build a case from f(t, y) -> (n,), in numpy, as for scipy.integrate.solve_ivp.
 
     surfaces: functions c(t, y) -> number on whose zeros f jumps, or one; None or (): f is smooth.
-    y0 (n,): start. t (k,): sample times. name, fields: of the Case; doc is that of f by default.
+    y0 (n,): start. t (k,): sample times. name, fields: of the Case; by default doc is
+    that of f, and name that of the case file that is being loaded, or "function".
 
     With surfaces the problem is a Filippov system, whose fields on both sides of a surface are read
     off f (see the head of this module); without, a Complementarity problem that has no constraints.
@@ -69,6 +72,7 @@ def from_function(
     if len(listed) > MAX_SURFACES:
         raise ValueError(f"{len(listed)} surfaces; at most {MAX_SURFACES} are taken")
     fields.setdefault("doc", inspect.getdoc(f) or "")
+    name = _name_of_file() if name is None else name
     if listed:
         case = Case(name, _filippov(f, listed, start, times), start, times, **fields)
         why = "one-sided fields of a function that jumps inside are not traced"
@@ -80,6 +84,12 @@ def from_function(
     if why:
         warnings.warn(SLOW.format(name=name, why=why), stacklevel=2)
     return case
+
+
+def _name_of_file() -> str:
+    """Return the name of the case file that is being loaded, with "_" for what no name may hold."""
+    file = loaded_file()
+    return re.sub(r"[^A-Za-z0-9_.-]", "_", file.stem)[:80] if file else "function"
 
 
 def _as_arrays(f: Callable) -> Callable:

@@ -256,6 +256,7 @@ def load_module(path: str | Path) -> ModuleType:
         with (
             opened_files.record_opens_while_loading(path),
             user_code.guarded(str(path)),
+            user_code.loading(path),
             _without_byte_code(),
         ):
             loader.exec_module(module)
@@ -272,5 +273,9 @@ def load_case(path: str | Path, **params: object) -> Case:
     module = load_module(path)
     if not (hasattr(module, "CASE") or hasattr(module, "make")):
         raise ValueError(f"{path} defines neither CASE = Case(...) nor make(**params)")
-    with opened_files.record_opens_while_loading(path), user_code.guarded(f"make of {path}"):
+    with (
+        opened_files.record_opens_while_loading(path),
+        user_code.guarded(f"make of {path}"),
+        user_code.loading(path),
+    ):
         return _build(module, Path(path).stem, params)

@@ -162,3 +162,23 @@ def test_arguments_that_do_not_fit_are_named(arguments, words):
 def test_methods_that_trace_refuse_it():
     traj = solve(from_function(forced, lambda t, y: y[0], [0.5], T), "penalty")
     assert traj.status.code == "refused" and "array namespace" in str(traj.status)
+
+
+@pytest.mark.parametrize(
+    "last",
+    ["CASE = from_function(f, None, [1.0], [0.0, 1.0]{})"]
+    + ["def make(): return from_function(f, None, [1.0], [0.0, 1.0]{})"],
+    ids=["CASE", "make"],
+)
+def test_a_case_without_a_name_has_that_of_its_file(tmp_path, last):
+    head = "from nsbench import from_function\ndef f(t, y): return -y\n"
+    for file, given, name in (
+        ("falling", "", "falling"),
+        ("to rest, übel", "", "to_rest___bel"),
+        ("falling", ", name='given'", "given"),
+        ("falling", ", name='function'", "function"),
+    ):
+        path = tmp_path / f"{file}.py"
+        path.write_text(head + last.format(given) + "\n", encoding="utf-8")
+        assert nsbench.load_case(path).name == name
+    assert from_function(lambda t, y: -y, None, [1.0], T).name == "function"
