@@ -119,8 +119,8 @@ def _joined(vectors):
     return out
 
 
-def _of_vectors(a, dtype=None):
-    """Make an array of a list or tuple of vectors."""
+@overload(np.asarray)
+def _asarray(a, dtype=None):
     if dtype is None and _lists_vectors(a):
         return lambda a, dtype=None: _rows(a)
     if dtype is None and isinstance(a, types.BaseTuple) and all(map(_is_vector, a)):
@@ -128,13 +128,13 @@ def _of_vectors(a, dtype=None):
     return None
 
 
-overload(np.asarray)(_of_vectors)
-
-
 @overload(np.array)
 def _array(object, dtype=None):
-    if _of_vectors(object, dtype) is not None:
-        return lambda object, dtype=None: np.asarray(object)
+    # not by np.asarray, which in numba may be one that calls np.array
+    if dtype is None and _lists_vectors(object):
+        return lambda object, dtype=None: _rows(object)
+    if dtype is None and isinstance(object, types.BaseTuple) and all(map(_is_vector, object)):
+        return lambda object, dtype=None: np.stack(object)
     return None
 
 
