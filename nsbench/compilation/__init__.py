@@ -6,7 +6,7 @@ garbage_collection  none while numba compiles
 kernel_store        files of one kernel with checksums: damaged ones are compiled again
 compile_lock        one process compiles a kernel, the others wait and load it
 factories           a factory as a numpy function, as a numba function pointer, as a JAX function
-draft_array         arrays that functions fill entry by entry where a namespace has no assignment
+user_forms          forms in which users write functions: arrays to fill, lists and tuples
 function_pointer    pointers to compiled functions as arguments of kernels
 cfunc_cache         machine code of such pointers on disk
 jax_cache           compiled JAX programs in memory and on disk

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from nsbench.compilation.draft_array import DraftNamespace, settled
+from nsbench.compilation.user_forms.draft_array import DraftNamespace, settled
 
 if TYPE_CHECKING:
     import jax
@@ -192,7 +192,7 @@ def _scaled_state(size, room):
 
 def _store_scaled(unit):
     """Return a kernel that writes unit v to `out`, or nothing if v is neither as long nor one."""
-    from nsbench.compilation.sequences import vector
+    from nsbench.compilation.user_forms.sequences import vector
 
     def store(value: Value, out: np.ndarray) -> None:
         v = vector(value)
@@ -235,7 +235,7 @@ def _fill_scaled_signed(f, scaling, room):
 @functools.lru_cache(maxsize=256)
 def rhs_cfunc(factory: Callable, n: int) -> Pointer:
     """``drift(xp) -> (t, x)`` as a cfunc (t, x, out), x and out (n,)."""
-    from nsbench.compilation.sequences import vector
+    from nsbench.compilation.user_forms.sequences import vector
 
     void, f8, vec = _types()
 
@@ -256,7 +256,7 @@ def rhs_cfunc(factory: Callable, n: int) -> Pointer:
 @functools.lru_cache(maxsize=256)
 def signed_rhs_cfunc(factory: Callable, n: int, d: int) -> Pointer:
     """Compile ``field(xp) -> (t, x, s)`` as a cfunc (t, x, s, out)."""
-    from nsbench.compilation.sequences import vector
+    from nsbench.compilation.user_forms.sequences import vector
 
     void, f8, vec = _types()
 
@@ -276,7 +276,7 @@ def signed_rhs_cfunc(factory: Callable, n: int, d: int) -> Pointer:
 @functools.lru_cache(maxsize=256)
 def curve_cfunc(factory: Callable, size: int) -> Pointer:
     """Compile ``b(xp) -> (t) -> array`` as a cfunc (t, out), out flat of the given size."""
-    from nsbench.compilation.sequences import vector
+    from nsbench.compilation.user_forms.sequences import vector
 
     void, f8, vec = _types()
 
@@ -339,7 +339,7 @@ def as_jax(factory: Callable) -> Callable:
         jax.config.update("jax_enable_x64", True)
     import jax.numpy as jnp
 
-    from nsbench.compilation.jax_errors import NotTraceable, describe_jax_error
+    from nsbench.compilation.user_forms.jax_errors import NotTraceable, describe_jax_error
 
     f = factory(DraftNamespace(jnp))
 

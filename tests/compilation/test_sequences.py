@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from nsbench import Case, solve
-from nsbench.compilation import factories, jax_errors, sequences  # noqa: F401  (registers)
+from nsbench.compilation import factories
+from nsbench.compilation.user_forms import jax_errors, sequences  # noqa: F401  (registers)
 from nsbench.dynamics.scaling.scaled_case import scaled_case
 from nsbench.problem import Affine, Complementarity, Filippov, Hybrid, Transition
 

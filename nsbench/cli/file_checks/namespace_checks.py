@@ -14,7 +14,7 @@ import numpy as np
 from nsbench import input_errors
 from nsbench.case import Case
 from nsbench.compilation import factories
-from nsbench.compilation.jax_errors import NotTraceable
+from nsbench.compilation.user_forms.jax_errors import NotTraceable
 from nsbench.dynamics.scaling.estimate import case_scale
 from nsbench.problem import LCS, Affine, Complementarity, Distance, Filippov, Hybrid, Smooth
 

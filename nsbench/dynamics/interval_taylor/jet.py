@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
-from nsbench.compilation.draft_array import Draft, DraftNamespace, holds_drafts, settled
+from nsbench.compilation.user_forms.draft_array import Draft, DraftNamespace, holds_drafts, settled
 from nsbench.dynamics.array_operator_mixin import ArrayOperators
 
 ORDER = 9  # one more than the degree of the interpolants that the last coefficient bounds

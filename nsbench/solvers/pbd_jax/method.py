@@ -12,7 +12,7 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.compilation.case_functions import COMPILED
-from nsbench.compilation.jax_errors import NotTraceable, refusal
+from nsbench.compilation.user_forms.jax_errors import NotTraceable, refusal
 from nsbench.problem import Affine, Distance
 from nsbench.solvers.base import Claims, Run, check_positive, grid
 from nsbench.solvers.common.hard_particles import hard_particles, mean_radius

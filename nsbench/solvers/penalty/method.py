@@ -12,7 +12,7 @@ import numpy as np
 
 from nsbench.case import Case
 from nsbench.compilation.factories import as_numpy
-from nsbench.compilation.jax_errors import NotTraceable, refusal
+from nsbench.compilation.user_forms.jax_errors import NotTraceable, refusal
 from nsbench.dynamics.scaling.scaled_case import scaled_case
 from nsbench.problem import LCS, Complementarity, Distance, Filippov, Hybrid
 from nsbench.solvers.base import Claims, Expect, Run, check_positive

@@ -9,7 +9,7 @@ import numpy as np
 
 from nsbench.compilation.function_digest import Unknown, fingerprint
 from nsbench.compilation.jax_cache import float64, program
-from nsbench.compilation.jax_errors import NotTraceable, describe_jax_error
+from nsbench.compilation.user_forms.jax_errors import NotTraceable, describe_jax_error
 from nsbench.problem import Complementarity, Filippov
 from nsbench.trajectory import STATES_BETWEEN
 

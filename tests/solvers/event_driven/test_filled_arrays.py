@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from nsbench import Affine, Case, Complementarity, Distance, Filippov
-from nsbench.compilation.draft_array import Draft, DraftNamespace
+from nsbench.compilation.user_forms.draft_array import Draft, DraftNamespace
 from nsbench.compilation.factories import as_jax
 from nsbench.dynamics.interval_taylor import SPACE as JETS
 from nsbench.dynamics.interval_taylor import as_jet, enclosing

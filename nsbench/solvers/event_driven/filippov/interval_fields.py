@@ -12,7 +12,7 @@ from itertools import product
 
 import numpy as np
 
-from nsbench.compilation.draft_array import settled
+from nsbench.compilation.user_forms.draft_array import settled
 from nsbench.dynamics.filippov.vector_field import FREE
 from nsbench.problem import Filippov
 from nsbench.dynamics.interval_taylor import SPACE

@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from nsbench.compilation.draft_array import Draft, DraftNamespace, holds_drafts, settled
+from nsbench.compilation.user_forms.draft_array import Draft, DraftNamespace, holds_drafts, settled
 from nsbench.dynamics.array_operator_mixin import ArrayOperators
 from nsbench.solvers.event_driven.filippov.tracing import kinks
 from nsbench.solvers.event_driven.filippov.tracing.graph import Graph
