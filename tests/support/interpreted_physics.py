@@ -60,6 +60,7 @@ def _view(address, size):
 def patch_pointers(monkeypatch):
     """Kernels call numpy functions of cases, until the patch is undone."""
     monkeypatch.setattr("nsbench.compilation.factories._pointer", pointer)
+    monkeypatch.setattr("nsbench.compilation.user_forms.sequences.vector", np.ravel)
     for name in ("rhs_cfunc", "signed_rhs_cfunc", "curve_cfunc"):
         compiled = getattr(factories, name)
         monkeypatch.setattr(factories, name, functools.lru_cache(256)(compiled.__wrapped__))
