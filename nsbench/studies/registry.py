@@ -40,8 +40,8 @@ STUDIES = (
     ),
     Study(
         "fan",
-        "Which steps make the global error of a method, and how does the exact flow change their "
-        "local defects on the way to the end?",
+        "Which steps make the global error of a method, how does the exact flow change their local "
+        "defects on the way to the end, and how far does one step pull two states apart?",
         "nsbench.studies.fan.study",
     ),
     Study(

@@ -33,8 +33,9 @@ ROUNDING = 1e-6  # of a growth, from differences of states
 DRAWN_STEPS = 8
 DRAWN_SAMPLES = 25  # of a curve of the drawn fan
 REFUTATION = (
-    "Parts that do not add up to the global error to 1 %, or a defect that the flow enlarges "
-    "without bound as the step shrinks."
+    "Parts that do not add up to the global error to 1 %, a defect that the flow enlarges without "
+    "bound as the step shrinks, or two states that a step of PBD pulls farther apart than its "
+    "bound allows."
 )
 
 
