@@ -119,22 +119,14 @@ def _joined(vectors):
     return out
 
 
+@overload(np.array)
 @overload(np.asarray)
-def _asarray(a, dtype=None):
+def _of_vectors(a, dtype=None):
+    """Make an array of a list or tuple of vectors; not by asarray, which in numba may be array."""
     if dtype is None and _lists_vectors(a):
         return lambda a, dtype=None: _rows(a)
     if dtype is None and isinstance(a, types.BaseTuple) and all(map(_is_vector, a)):
         return lambda a, dtype=None: np.stack(a)
-    return None
-
-
-@overload(np.array)
-def _array(object, dtype=None):
-    # not by np.asarray, which in numba may be one that calls np.array
-    if dtype is None and _lists_vectors(object):
-        return lambda object, dtype=None: _rows(object)
-    if dtype is None and isinstance(object, types.BaseTuple) and all(map(_is_vector, object)):
-        return lambda object, dtype=None: np.stack(object)
     return None
 
 
