@@ -32,7 +32,8 @@ def test_a_free_step_grows_by_the_norm_of_its_matrix():
 
 def test_a_wall_does_not_pull_apart():
     wall = Affine(np.array([[0.0, 1.0]]), np.zeros(1))
-    found = measure_growth(case_of(constant_drift([1.0, -1.0]), (wall,), [0.0, 0.0]), "pbd", H, 3, 2)
+    case = case_of(constant_drift([1.0, -1.0]), (wall,), [0.0, 0.0])
+    found = measure_growth(case, "pbd", H, 3, 2)
     assert found.growth == pytest.approx(1.0, abs=1e-8) and found.bound == 1.0
     assert found.lipschitz == 0.0 and found.constant(found.growth) is None
 
