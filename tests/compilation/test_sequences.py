@@ -49,6 +49,7 @@ def tuples(x):
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("forms", [lists, tuples])
 def test_joined_sequences_are_those_of_numpy(forms):
     for k, (found, wanted) in enumerate(zip(numba.njit(forms)(X), forms(X), strict=True)):
@@ -173,7 +174,7 @@ def relay(drift, other, wall, surface):
     "build, method, step",
     [
         (contacts, "pbd", {"h": 0.05}),
-        (contacts, "pbd_jax", {"h": 0.05}),
+        pytest.param(contacts, "pbd_jax", {"h": 0.05}, marks=pytest.mark.long),
         (switched, "euler", {"h": 0.05}),
         (switched, "event_driven", {}),
         (switched, "penalty", {}),

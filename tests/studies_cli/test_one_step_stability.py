@@ -66,6 +66,7 @@ def test_a_contact_that_closes_within_the_ball_counts():
     assert _stretch_of_sweep(near.copy(), [(0, 1)], 2.0, 3.0) == np.inf
 
 
+@pytest.mark.long
 def test_constants_settle_as_the_step_shrinks():
     constants = [describe_growth(nsbench.get_case("hex", n=7), "pbd", d, False) for d in (16, 64)]
     assert constants[0]["C"] == pytest.approx(constants[1]["C"], abs=0.01)

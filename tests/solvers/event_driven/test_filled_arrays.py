@@ -213,6 +213,7 @@ def test_runs_are_those_of_the_stacked_drift(make):
     assert np.array_equal(runs[0].x, runs[1].x)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("method", "steps"), [("penalty", {}), ("pbd_jax", {"h": 1e-2})])
 def test_jax_methods_run_filled_drifts(method, steps):
     x0 = np.array([1.0, 0.3, -1.0, 0.1])
