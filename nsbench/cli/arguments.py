@@ -85,16 +85,7 @@ def _add_run(verbs) -> None:
     verb = _add_verb(verbs, "run", "run cases with solvers and write the report")
     _add_selection(verb)
     _add_workers(verb)
-    verb.add_argument(
-        "--dask",
-        metavar="ADDRESS",
-        help="the workers of this Dask cluster instead, such as tcp://10.0.0.1:8786",
-    )
-    verb.add_argument(
-        "--memory",
-        metavar="SIZE",
-        help="limit of one worker, such as 4G (default: its share of the machine)",
-    )
+    _add_places(verb)
     verb.add_argument(
         "--plan",
         action="store_true",
@@ -179,14 +170,28 @@ def _add_files(verb: argparse.ArgumentParser) -> None:
 
 def _add_workers(verb: argparse.ArgumentParser) -> None:
     """Add the number of workers and the limit of a run."""
-    verb.add_argument(
-        "-j",
-        "--jobs",
-        type=int,
-        metavar="N",
-        help="workers (default: the number of cores, at most 2)",
-    )
+    _add_jobs(verb)
     verb.add_argument("--timeout", type=float, default=120.0, metavar="S", help=LIMIT)
+
+
+def _add_jobs(verb: argparse.ArgumentParser, more: str = "") -> None:
+    """Add the number of workers; more: the end of the sentence on its default."""
+    text = f"workers (default: the number of cores, at most 2{more})"
+    verb.add_argument("-j", "--jobs", type=int, metavar="N", help=text)
+
+
+def _add_places(verb: argparse.ArgumentParser) -> None:
+    """Add the cluster, and the memory of a worker."""
+    verb.add_argument(
+        "--dask",
+        metavar="ADDRESS",
+        help="the workers of this Dask cluster instead, such as tcp://10.0.0.1:8786",
+    )
+    verb.add_argument(
+        "--memory",
+        metavar="SIZE",
+        help="limit of one worker, such as 4G (default: its share of the machine)",
+    )
 
 
 def _add_report(verbs) -> None:
@@ -342,4 +347,6 @@ def _add_study(verbs) -> None:
         help="the full form, which takes hours and goes on where it was interrupted (default: "
         "the small form, a minute)",
     )
+    _add_jobs(verb, "; of the small form: 1, this process")
+    _add_places(verb)
     verb.add_argument("-o", "--out", default="results", metavar="DIR")

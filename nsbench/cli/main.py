@@ -17,7 +17,8 @@ from nsbench.cli.exit_codes import BROKEN, INTERRUPTED, USAGE
 from nsbench.cli.project_file import apply_project_file
 
 Say = Callable[..., None]
-INFRASTRUCTURE_ERRORS = ("StoreError", "ClusterError")  # by name: their modules are not loaded here
+# by name: their modules are not loaded here
+INFRASTRUCTURE_ERRORS = ("StoreError", "ClusterError", "LostChore")
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -20,16 +20,33 @@ VALUES_PER_OCTAVE = 3.07  # of a range A..B: their ratios are not dyadic
 
 
 def check_worker_options(args: argparse.Namespace) -> None:
-    """Check -j, --timeout and --probe; replace --memory by its bytes. Raises ValueError."""
+    """Check -j, --timeout and --probe; replace --memory by its bytes. Raises ValueError.
+
+    Options that the verb does not have are none to check.
+    """
     if args.jobs is not None and args.jobs < 1:
         raise ValueError(f"-j is {args.jobs}; at least one worker is needed")
-    solvers.check_positive("--timeout", args.timeout)
+    solvers.check_positive("--timeout", getattr(args, "timeout", 1.0))
     if getattr(args, "probe", 0.0) and not 0.0 <= args.probe < float("inf"):
         raise ValueError(f"--probe is {args.probe:g}; a number of seconds is needed, 0 for none")
     if getattr(args, "memory", None) is not None:
         from nsbench.execute.workers.memory import parse_size
 
         args.memory = parse_size(args.memory)
+
+
+def check_cluster_options(args: argparse.Namespace) -> None:
+    """Raise ValueError if --dask cannot be used, or not together with the other options."""
+    from importlib.util import find_spec
+
+    if args.dask is None:
+        return
+    if args.jobs is not None:
+        raise ValueError(
+            "-j is for workers on this machine, --dask for those of a cluster; give one of them"
+        )
+    if find_spec("distributed") is None:
+        raise ValueError("--dask needs the package distributed: pip install 'nsbench[dask]'")
 
 
 def read_accuracies(args: argparse.Namespace) -> dict[str, str | float]:

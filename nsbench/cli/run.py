@@ -19,6 +19,7 @@ from nsbench.case.selection import python_files
 from nsbench.cli.exit_codes import FAILED, FINE
 from nsbench.cli.option_values import (
     check_accuracies,
+    check_cluster_options,
     check_worker_options,
     find_cases,
     read_accuracies,
@@ -34,7 +35,7 @@ def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
     from nsbench.execute.suite import execute
 
     check_worker_options(args)
-    _check_cluster_options(args)
+    check_cluster_options(args)
     solver_files = tuple(str(p) for f in args.solver_files for p in python_files(f))
     added_solvers = [solvers.load(f) for f in solver_files]
     solver_files += tuple(solvers.plugin_files(args.solver or ()))
@@ -109,17 +110,3 @@ def _check_distinct_names(cases: list[CaseSource]) -> None:
             raise ValueError(
                 f"two cases are named alike: {first[0]} in {where[0]} and {key} in {where[1]}"
             )
-
-
-def _check_cluster_options(args) -> None:
-    """Raise ValueError if --dask cannot be used, or not together with the other options."""
-    from importlib.util import find_spec
-
-    if args.dask is None:
-        return
-    if args.jobs is not None:
-        raise ValueError(
-            "-j is for workers on this machine, --dask for those of a cluster; give one of them"
-        )
-    if find_spec("distributed") is None:
-        raise ValueError("--dask needs the package distributed: pip install 'nsbench[dask]'")

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from nsbench.results.atomic_write import write_atomically
 from nsbench.studies.part_journal import PartJournal
+from nsbench.studies.parts import Part, Workers, compute_elsewhere, compute_here
 
 FOLDER = "studies"  # of a folder of results
 SCHEMA = 1
@@ -65,16 +66,28 @@ class Effort:
     """How much a study may do.
 
     full: the complete form; else the small one, of a minute at most. journal: stores finished
-    parts, so that an interrupted study goes on. report: called with a line of progress.
+    parts, so that an interrupted study goes on. report: called with a line of progress. workers:
+    compute `parts` (None: this process does).
     """
 
     full: bool
     journal: PartJournal
     report: Callable[[str], None]
+    workers: Workers | None = None
 
     def choose(self, small: int, full: int) -> int:
         """Return the size of the form that was asked for."""
         return full if self.full else small
+
+    def parts(self, parts: Sequence[Part]) -> list:
+        """Return the values of parts that need no other one, in order.
+
+        Several are computed at a time where there are workers: what measures seconds is none of
+        them, but a part of the journal.
+        """
+        if self.workers is None:
+            return compute_here(parts, self.journal, self.report)
+        return compute_elsewhere(parts, self.journal, self.report, self.workers)
 
 
 def write_finding(finding: Finding, folder: Path, seconds: float, full: bool) -> Path:

@@ -37,6 +37,10 @@ class PartJournal:
         self._values = {} if path is None else _read_parts(path, self._sources)
         self._stored = frozenset(self._values)
 
+    def knows(self, key: str) -> bool:
+        """Is the value of this part known?"""
+        return key in self._values
+
     def part(self, key: str, compute: Callable[[], object]) -> object:
         """Return the value of a part: the stored one, or what `compute` returns.
 

@@ -83,7 +83,7 @@ def run_all(
     """
     with connect_client(address) as client, signals.defer_signals():
         here = fingerprint()
-        _check_workers(client, address, here)
+        check_workers(client, address, here)
         limits = Limits(timeout, memory_limit)
         work = _Work(client, address, chain.from_iterable(batches), here, limits, parts)
         try:
@@ -116,14 +116,14 @@ def connect_client(address: str):
         asyncio.run(try_connection())  # a client without a scheduler would retry for a long time
     except ValueError as e:
         raise ValueError(
-            f"--dask {address!r} is no address such as tcp://10.0.0.1:8786: {_first_line(e)}"
+            f"--dask {address!r} is no address such as tcp://10.0.0.1:8786: {first_line(e)}"
         ) from None
     except Exception as e:  # refused, no such host, too late, or not how a scheduler answers
-        raise ClusterError(f"no scheduler answers at {address}: {_first_line(e)}") from None
+        raise ClusterError(f"no scheduler answers at {address}: {first_line(e)}") from None
     return Client(address, timeout=CONNECTION_TIMEOUT, set_as_default=False, name="nsbench")
 
 
-def _check_workers(client, address: str, here: dict[str, str]) -> None:
+def check_workers(client, address: str, here: dict[str, str]) -> None:
     """Raise ClusterError unless there are workers, all of them like this installation."""
     until = time.monotonic() + WORKERLESS_TIMEOUT
     while not client.nthreads():
@@ -135,22 +135,35 @@ def _check_workers(client, address: str, here: dict[str, str]) -> None:
     for worker, there in client.run(fingerprint, on_error="return").items():
         if isinstance(there, BaseException):
             raise ClusterError(
-                f"the worker {worker} cannot load nsbench: {_first_line(there)}; install the same "
+                f"the worker {worker} cannot load nsbench: {first_line(there)}; install the same "
                 f"version there"
             )
         differs = installation_mismatch(there, here)
         if differs:
-            raise ClusterError(_describe_mismatch(worker, differs))
+            raise ClusterError(describe_mismatch(worker, differs))
 
 
-def _describe_mismatch(worker: str, differs: str) -> str:
+def describe_mismatch(worker: str, differs: str) -> str:
+    """Say that a worker is not like this installation."""
     return (
         f"the worker {worker} is not like this installation: {differs}; its numbers might be "
         f"others: install the same there"
     )
 
 
-def _first_line(error: BaseException) -> str:
+@contextlib.contextmanager
+def scheduler_errors(address: str) -> Iterator[None]:
+    """Within, errors that mean that the scheduler has gone become ClusterError."""
+    from concurrent.futures import CancelledError
+
+    try:
+        yield
+    except (CancelledError, OSError) as e:
+        raise ClusterError(f"the scheduler at {address} is gone: {first_line(e)}") from None
+
+
+def first_line(error: BaseException) -> str:
+    """Return the first line of what an exception says, or the name of its type."""
     return (str(error).strip() or type(error).__name__).splitlines()[0][:MESSAGE_LENGTH]
 
 
@@ -201,7 +214,7 @@ class _Work:
                 self._send(task)
             if not self.in_flight and self.max_in_flight:
                 return
-            with self._scheduler_errors():
+            with scheduler_errors(self.address):
                 done = ()
                 with contextlib.suppress(TimeoutError), self.client.as_current():
                     done = wait(
@@ -270,7 +283,7 @@ class _Work:
         """Yield the rows of a task that has ended; queue what it did not do."""
         from distributed import KilledWorker
 
-        with self._scheduler_errors():
+        with scheduler_errors(self.address):
             error = future.exception()
             rows = []
             try:
@@ -280,15 +293,15 @@ class _Work:
                 error = e
             future.release()
         if isinstance(error, OtherInstallation):  # a worker that joined later
-            raise ClusterError(_describe_mismatch("that joined", str(error)))
+            raise ClusterError(describe_mismatch("that joined", str(error)))
         if error is None:
             self._adapt_task_size(len(rows), task.specs)
         elif not task.alone:
             self.suspects += task.specs
         else:
-            why = f"The worker could not begin: {type(error).__name__}: {_first_line(error)}"
+            why = f"The worker could not begin: {type(error).__name__}: {first_line(error)}"
             if isinstance(error, KilledWorker):
-                why = f"The cluster lost every worker that was given this run: {_first_line(error)}"
+                why = f"The cluster lost every worker that was given this run: {first_line(error)}"
             rows = [(lost_run_row(task.specs[0], "crashed", why), b"")]
         for spec, (row, text) in zip(task.specs, rows, strict=False):
             self._check_sources(spec, row.pop("unlike", None))
@@ -321,7 +334,7 @@ class _Work:
         now = time.monotonic()
         if now - self.counted_at < SECONDS_BETWEEN_COUNTS:
             return
-        with self._scheduler_errors():
+        with scheduler_errors(self.address):
             threads = sum(self.client.nthreads().values())
         self.counted_at = now
         self.max_in_flight = TASKS_PER_THREAD * threads
@@ -331,18 +344,6 @@ class _Work:
             raise ClusterError(
                 f"the cluster at {self.address} has had no workers for {WORKERLESS_TIMEOUT:g} s"
             )
-
-    @contextlib.contextmanager
-    def _scheduler_errors(self):
-        """Within, errors that mean that the scheduler has gone become ClusterError."""
-        from concurrent.futures import CancelledError
-
-        try:
-            yield
-        except (CancelledError, OSError) as e:
-            raise ClusterError(
-                f"the scheduler at {self.address} is gone: {_first_line(e)}"
-            ) from None
 
     def stop(self) -> None:
         """Cancel what is in flight and end the processes that compute it."""

@@ -9,6 +9,7 @@ without a nanny. Such a process ends with the worker, or after a time without ta
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 import hashlib
@@ -20,6 +21,7 @@ import tempfile
 import threading
 import time
 from collections import deque
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
@@ -31,7 +33,7 @@ from nsbench.execute.workers import memory
 from nsbench.execute.workers.output_capture import OutputCapture
 from nsbench.execute.workers.pool import WorkerPool
 from nsbench.execute.workers.process import Worker, worker_environment
-from nsbench.execute.workers.worker import work
+from nsbench.execute.workers.worker import Chore, work
 from nsbench.results import run_key
 from nsbench.results.environment import versions
 from nsbench.source_files import file_state
@@ -134,26 +136,26 @@ class _RunProcess:
 
         Returns the row of each and what it printed.
         """
-        pool = self.pool
         rows: list[tuple[dict, bytes]] = []
         printed: dict[Spec, bytes] = {}
+        self.pool.on_output = printed.__setitem__
+        self.pool.on_row = lambda spec, row: rows.append((row, printed.pop(spec, b"")))
+        self.work(specs, limits)
+        return rows
+
+    def work(self, task: list[Spec] | Chore, limits: Limits) -> None:
+        """Let the process do a task, or as much of it as it does before it ends."""
+        pool = self.pool
         pool.timeout = limits.timeout
         pool.memory_limit = limits.memory or memory.worker_limit(os.cpu_count() or 1)
         pool.checked_at = time.monotonic()
-        pool.on_output = printed.__setitem__
-        pool.on_row = lambda spec, row: rows.append((row, printed.pop(spec, b"")))
-        for worker in [w for w in pool.idle if w.process.exitcode is not None]:
-            pool.idle.remove(worker)
-            worker.close()
-        worker = pool.idle.pop() if pool.idle else pool.start_process(pool.locks, 1)
-        pool.assign(worker, specs)
+        pool.assign(pool.take_idle() or pool.start_process(pool.locks, 1), task)
         while (pool.busy or pool.queue_alone) and not self.ended:
             pool.receive()
             pool.enforce_limits()
             pool.queue.clear()  # what a process that died did not do: the client sends it again
             pool.start_workers(1)
         self.idle_since = time.monotonic()
-        return rows
 
 
 _processes: dict[tuple[str, int], _RunProcess] = {}  # by owner and thread
@@ -177,17 +179,9 @@ def rows_of(
     owner: names the study, see `dismiss`; expected: the client's fingerprint; units: see
     `_place_files`. Raises OtherInstallation.
     """
-    difference = installation_mismatch(fingerprint(), expected)
-    if difference:
-        raise OtherInstallation(difference)
-    key = owner, threading.get_ident()
-    _start_reaper()
-    with _guard:
-        if owner in _dismissed:
+    with process_for(owner, expected) as process:
+        if process is None:
             return []
-        process = _processes.setdefault(key, _RunProcess(_new_pool()))
-        process.busy = True
-    try:
         local_paths = _place_files(units)
         moved = [
             Path(f).name
@@ -197,6 +191,29 @@ def rows_of(
         if moved:
             raise OtherInstallation(f"{', '.join(moved)} changed there while it was used")
         return process.rows(_with_local_paths(specs, local_paths), limits)
+
+
+@contextlib.contextmanager
+def process_for(owner: str, expected: dict[str, str]) -> Iterator[_RunProcess | None]:
+    """Within, the process of this thread is busy for `owner`; None if that was dismissed.
+
+    expected: the client's fingerprint. Raises OtherInstallation.
+    """
+    difference = installation_mismatch(fingerprint(), expected)
+    if difference:
+        raise OtherInstallation(difference)
+    key = owner, threading.get_ident()
+    _start_reaper()
+    with _guard:
+        known = owner not in _dismissed
+        process = _processes.setdefault(key, _RunProcess(_new_pool())) if known else None
+        if process is not None:
+            process.busy = True
+    if process is None:
+        yield None
+        return
+    try:
+        yield process
     except BaseException:
         process.ended = True
         raise

@@ -31,7 +31,7 @@ from nsbench.execute.workers.process import (
     find_last_line,
     spawn_worker,
 )
-from nsbench.execute.workers.worker import Chore
+from nsbench.execute.workers.worker import Chore, LostChore
 from nsbench.results.row_reuse import ANOTHER_RUN, row_mismatch
 from nsbench.study import Spec
 from nsbench.study.attempt import REPEATED, lost_run_row
@@ -46,6 +46,7 @@ MAX_BATCH = 1000  # specs: more of one case are several batches, which several w
 
 OnRow = Callable[[Spec, dict], None]
 OnOutput = Callable[[Spec, bytes], None]
+OnChore = Callable[[Chore, object, Exception | None], None]
 
 
 def run_all(
@@ -99,8 +100,9 @@ class WorkerPool:
     """The workers and what is still to do.
 
     queue: batches and chores for any worker, the last one first; queue_alone: batches that each
-    need a fresh worker; locks: folder of lock files; busy, idle, leaving: workers at work, without
-    work (only with keep_idle), and asked to end (with the time of that).
+    need a fresh worker; locks: folder of lock files; on_chore: called with each chore, its value
+    and what it raised; busy, idle, leaving: workers at work, without work (only with keep_idle),
+    and asked to end (with the time of that).
     """
 
     queue: list
@@ -112,6 +114,7 @@ class WorkerPool:
     locks: str = ""
     start_process: Callable[[str, int], Worker] = spawn_worker
     keep_idle: bool = False
+    on_chore: OnChore = lambda chore, value, error: None
     queue_alone: list = field(default_factory=list)
     busy: list[Worker] = field(default_factory=list)
     idle: list[Worker] = field(default_factory=list)
@@ -126,8 +129,18 @@ class WorkerPool:
     def start_workers(self, jobs: int) -> None:
         """Start workers for what is to do, until `jobs` of them are at work."""
         while (self.queue or self.queue_alone) and len(self.busy) < jobs:
-            worker = self.start_process(self.locks, self.threads)
+            worker = None if self.queue_alone else self.take_idle()
+            worker = worker or self.start_process(self.locks, self.threads)
             self.assign(worker, (self.queue_alone or self.queue).pop())
+
+    def take_idle(self) -> Worker | None:
+        """Take a worker without work that has not ended; None if there is none."""
+        while self.idle:
+            worker = self.idle.pop()
+            if worker.process.exitcode is None:
+                return worker
+            worker.close()
+        return None
 
     def assign(self, worker: Worker, task: list[Spec] | Chore) -> None:
         """Send a batch or a chore to a worker."""
@@ -165,7 +178,7 @@ class WorkerPool:
             return
         worker.since = time.monotonic()
         if what == "done":
-            self.finish_task(worker, chore_done=bool(row))
+            self.finish_task(worker, row)
         elif what in ("first", "row"):
             known = i in range(len(worker.specs))
             mismatch = row_mismatch(worker.specs[i], row) if known else "no such run"
@@ -182,17 +195,24 @@ class WorkerPool:
                 worker.runs_begun += 1
                 worker.peak_memory = 0
 
-    def finish_task(self, worker: Worker, chore_done: bool) -> None:
-        """Give the next task to a worker that has done its own, or let it go."""
-        if chore_done:
-            self.chores_done.append(worker.chore)
+    def finish_task(self, worker: Worker, outcome: tuple[object, Exception | None] | None) -> None:
+        """Give the next task to a worker that has done its own, or let it go.
+
+        outcome: value and exception of a chore.
+        """
         self.busy.remove(worker)
+        chore = worker.chore
         if self.queue:
             self.assign(worker, self.queue.pop())
         elif self.keep_idle:
             self.idle.append(worker)
         else:
             self.release(worker)
+        if chore is not None:
+            value, error = outcome
+            if error is None:
+                self.chores_done.append(chore)
+            self.on_chore(chore, value, error)
 
     def record_row(self, worker: Worker, i: int, row: dict) -> None:
         """Hand on a row, and before a first one what its run has printed."""
@@ -318,6 +338,9 @@ class WorkerPool:
         self.queue_for_timing([worker.specs[k] for k in sorted(worker.untimed)])
         if worker.missing:
             self.queue.append([worker.specs[k] for k in sorted(worker.missing)])
+        if worker.chore is not None:
+            name = getattr(worker.chore.function, "__qualname__", "a function")
+            self.on_chore(worker.chore, None, LostChore(f"{name} was not done. {why}"))
 
     def queue_for_timing(self, specs: list[Spec]) -> None:
         """Queue runs whose repetitions died with their worker.

@@ -2,7 +2,7 @@
 
 Messages to the parent are (what, index, row): a phase of a run ("prepare", "run", "compile",
 "measure"), a row ("first": it will be given again with the times of repetitions, else "row"), or
-"done" after a batch of specs or a chore.
+"done" after a batch of specs, or with the value of a chore and what it raised.
 """
 
 from __future__ import annotations
@@ -11,7 +11,9 @@ import contextlib
 import faulthandler
 import gc
 import os
+import pickle
 import time
+import traceback
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -34,10 +36,17 @@ COLLECTED_AFTER = 50_000
 
 @dataclass(frozen=True)
 class Chore:
-    """Work without a row, done by a worker that has no runs: function(*args), both picklable."""
+    """Work without a row, done by a worker that has no runs: function(*args).
+
+    Function, arguments and value can be pickled.
+    """
 
     function: Callable
     args: tuple = ()
+
+
+class LostChore(Exception):
+    """A worker has ended without the value of its chore; the message says why."""
 
 
 def work(pipe, output, word: bytes, parent: int, locks: str, seconds: float | None = None) -> None:
@@ -61,7 +70,7 @@ def work(pipe, output, word: bytes, parent: int, locks: str, seconds: float | No
             messages.last = ("start", -1)
             state.restore()  # files of cases and solvers are loaded next
             if isinstance(task, Chore):
-                messages.send(("done", -1, _is_done(task)))
+                messages.send(("done", -1, _do(task)))
                 continue
             if seconds is None:
                 runs = run_batch(task, messages.announce, schedule.order)
@@ -182,10 +191,14 @@ def _to_python_type(value):
     return next((kind(value) for kind in (bool, int, float, str) if isinstance(value, kind)), value)
 
 
-def _is_done(chore: Chore) -> bool:
-    """Do the chore; False if it raised: its owner does what was not done."""
+def _do(chore: Chore) -> tuple[object, Exception | None]:
+    """Return the value of a chore and None, or None and what it raised, which says where."""
     try:
-        chore.function(*chore.args)
-    except Exception:
-        return False
-    return True
+        return chore.function(*chore.args), None
+    except Exception as e:
+        e.add_note(f"in a worker:\n{traceback.format_exc()}")
+        try:
+            pickle.loads(pickle.dumps(e))
+        except Exception:
+            return None, RuntimeError(f"{type(e).__name__}: {e}")
+        return None, e

@@ -17,6 +17,7 @@ from nsbench.studies.budget.tables import (
     steps_table,
 )
 from nsbench.studies.finding import Effort, Finding
+from nsbench.studies.parts import Part
 from nsbench.studies.registry import find_study
 
 DISCS = (("10", "30", "100"), ("10", "30", "100", "300", "1000", "10000"))
@@ -80,6 +81,7 @@ def conduct(effort: Effort) -> Finding:
 
 
 def _measure(effort: Effort, keys: tuple[str, ...]) -> list[dict]:
+    """Measure the costs scene by scene, in this process: nothing else may be at work meanwhile."""
     budget = SECONDS[effort.full]
     out = []
     for key in keys:
@@ -96,15 +98,17 @@ def _compare_with_spread(effort: Effort, r_hard: float) -> dict:
     """Observe all seeds of one variant of the epithelium and compare."""
     end = float(effort.choose(*END))
     substeps = effort.choose(*TRUTH_SUBSTEPS)
-    seeds = []
-    for seed in range(effort.choose(*SEEDS)):
-        effort.report(f"budget: epithelium[r_hard={r_hard:g}] to {end:g} h, seed {seed}")
-        seeds.append(
-            effort.journal.part(
+    seeds = effort.parts(
+        [
+            Part(
                 f"observe {seed} {end} {r_hard} {substeps}",
-                lambda s=seed: model_error.observe(s, end, r_hard, substeps),
+                f"budget: epithelium[r_hard={r_hard:g}] to {end:g} h, seed {seed}",
+                model_error.observe,
+                (seed, end, r_hard, substeps),
             )
-        )
+            for seed in range(effort.choose(*SEEDS))
+        ]
+    )
     rows = model_error.compare(seeds)
     worst = max(s["truth_error"] for s in seeds)
     return {

@@ -19,6 +19,7 @@ from nsbench.studies.chain.travel import (
 from nsbench.studies.packings.contact_graphs import ContactGraph, chain, grow, hexagon
 from nsbench.studies.packings.contact_orders import named_orders
 from nsbench.studies.finding import Effort, EvidenceFigure, EvidenceTable, Finding
+from nsbench.studies.parts import Part
 from nsbench.studies.registry import find_study
 
 SEED = 28
@@ -36,18 +37,24 @@ REFUTATION = (
 def conduct(effort: Effort) -> Finding:
     """Conduct the study. Raises ArithmeticError where a reach exceeds its proven bound."""
     graphs = _packings(effort)
-    travels = []
-    for graph in graphs:
-        effort.report(f"chain reactions: {graph.name}")
-        travels.append(
-            effort.journal.part(
-                f"travel {graph.name} {effort.full}", lambda g=graph: _measure(effort, g)
-            )
-        )
+    draws = effort.choose(*RANDOM_ORDERS)
+    *travels, sweeps = effort.parts(
+        [
+            *(
+                Part(
+                    f"travel {graph.name} {effort.full}",
+                    f"chain reactions: {graph.name}",
+                    _measure,
+                    (graph, draws),
+                )
+                for graph in graphs
+            ),
+            Part("sweeps", "chain reactions: one large step", _count_all_sweeps),
+        ]
+    )
     for entry in travels:
         if max(o["reach"] for o in entry["orders"]) > entry["bound"]:
             raise ArithmeticError(f"{entry['name']}: a reach exceeds its bound {entry['bound']}")
-    sweeps = effort.journal.part("sweeps", _count_all_sweeps)
     return Finding(
         name="chain",
         question=find_study("chain").question,
@@ -73,8 +80,8 @@ def _packings(effort: Effort) -> list[ContactGraph]:
     ]
 
 
-def _measure(effort: Effort, graph: ContactGraph) -> dict:
-    """Measure all orders of one packing; of random ones the worst reach and mean values."""
+def _measure(graph: ContactGraph, draws: int) -> dict:
+    """Measure all orders of one packing; of `draws` random ones the worst reach and mean values."""
     orders = [
         {"order": name, **asdict(measure_travel(graph, order))}
         for name, order in named_orders(graph).items()
@@ -84,7 +91,7 @@ def _measure(effort: Effort, graph: ContactGraph) -> dict:
     rng = np.random.default_rng([SEED, len(graph.pairs)])
     drawn = [
         asdict(measure_travel(graph, rng.permutation(len(graph.pairs))))
-        for _ in range(effort.choose(*RANDOM_ORDERS))
+        for _ in range(draws)
     ]
     worst = {key: max(d[key] for d in drawn) for key in ("reach", "left", "path")}
     means = {key: float(np.mean([d[key] for d in drawn])) for key in ("mean_reach", "moved")}

@@ -11,6 +11,7 @@ from nsbench.studies.fan.figures import FanCurves, draw_fans, draw_parts
 from nsbench.studies.fan.one_step_stability import measure_growth
 from nsbench.studies.fan.windermere import PHASES, Fan, open_fan, step_exactly
 from nsbench.studies.finding import Effort, EvidenceFigure, EvidenceTable, Finding
+from nsbench.studies.parts import Part
 from nsbench.studies.registry import find_study
 
 # cases with the end of their fan: after a release, while a hinge folds, on a wall, at rest
@@ -41,24 +42,16 @@ REFUTATION = (
 
 def conduct(effort: Effort) -> Finding:
     """Conduct the study. Raises ArithmeticError where parts do not add up to the error."""
-    entries = []
-    for case, end in SCENES:
-        for method in METHODS[effort.full]:
-            for steps in STEPS[effort.full]:
-                effort.report(f"fan: {case} to t = {end:g}, {method}, {steps} steps")
-                entries.append(
-                    effort.journal.part(
-                        f"fan {case} {end} {method} {steps}",
-                        lambda c=case, e=end, m=method, n=steps: describe_fan(c, e, m, n),
-                    )
-                )
+    fans = _fans(effort.full)
+    found = effort.parts([*fans, *_growths(effort.full)])
+    entries = found[: len(fans)]
+    growths = found[len(fans) :]
     for e in entries:
         if e["mismatch"] > MAX_MISMATCH:
             raise ArithmeticError(
                 f"{e['case']}, {e['method']}, {e['steps']} steps: the parts differ from the error "
                 f"by {e['mismatch']:g} of it; at most {MAX_MISMATCH:g} is allowed"
             )
-    growths = _measure_growths(effort)
     return Finding(
         name="fan",
         question=find_study("fan").question,
@@ -70,6 +63,20 @@ def conduct(effort: Effort) -> Finding:
         figures=_figures(entries),
         data={"fans": entries, "growth_of_one_step": growths},
     )
+
+
+def _fans(full: bool) -> list[Part]:
+    return [
+        Part(
+            f"fan {case} {end} {method} {steps}",
+            f"fan: {case} to t = {end:g}, {method}, {steps} steps",
+            describe_fan,
+            (case, end, method, steps),
+        )
+        for case, end in SCENES
+        for method in METHODS[full]
+        for steps in STEPS[full]
+    ]
 
 
 def describe_fan(case: str, end: float, method: str, steps: int) -> dict:
@@ -94,24 +101,23 @@ def describe_fan(case: str, end: float, method: str, steps: int) -> dict:
     }
 
 
-def _measure_growths(effort: Effort) -> list[dict]:
-    """Measure by how much one step pulls states apart, for each scene, method and step.
+def _growths(full: bool) -> list[Part]:
+    """List the measurements of how far one step pulls states apart: scene, method and step."""
+    return [
+        Part(
+            f"growth {name} {method} {divisor}",
+            f"fan: growth in one step, {name}, {method}, spacing / {divisor}",
+            _growth_of,
+            (name, method, divisor, full),
+        )
+        for name in STEP_SCENES + MORE_STEP_SCENES * full
+        for method in _one_step_methods(get_case(name), full)
+        for divisor in STEP_DIVISORS[full]
+    ]
 
-    Raises ArithmeticError where a pair of states exceeds what is proven.
-    """
-    out = []
-    for name in STEP_SCENES + MORE_STEP_SCENES * effort.full:
-        case = get_case(name)
-        for method in _one_step_methods(case, effort.full):
-            for divisor in STEP_DIVISORS[effort.full]:
-                effort.report(f"fan: growth in one step, {name}, {method}, spacing / {divisor}")
-                out.append(
-                    effort.journal.part(
-                        f"growth {name} {method} {divisor}",
-                        lambda c=case, m=method, d=divisor: describe_growth(c, m, d, effort.full),
-                    )
-                )
-    return out
+
+def _growth_of(name: str, method: str, divisor: int, full: bool) -> dict:
+    return describe_growth(get_case(name), method, divisor, full)
 
 
 def _one_step_methods(case, full: bool) -> list[str]:
@@ -122,7 +128,10 @@ def _one_step_methods(case, full: bool) -> list[str]:
 
 
 def describe_growth(case, method: str, divisor: int, full: bool) -> dict:
-    """Measure the growth of one step, the spacing of the samples over `divisor`, in numbers."""
+    """Measure the growth of one step, the spacing of the samples over `divisor`, in numbers.
+
+    Raises ArithmeticError where a pair of states exceeds what is proven.
+    """
     h = float(np.diff(case.t).min()) / divisor
     found = measure_growth(case, method, h, STEP_STATES[full], STEP_CLIMBS[full])
     if found.bound is not None and found.growth > found.bound + ROUNDING:

@@ -24,6 +24,7 @@ from nsbench.studies.lemma.theory_check import count_violations, largest_ratio
 from nsbench.studies.lemma.worst_geometry import find_worst_geometry
 from nsbench.studies.packings.contact_graphs import ContactGraph, chain, grow, hexagon, star
 from nsbench.studies.packings.contact_orders import named_orders
+from nsbench.studies.parts import Part
 from nsbench.studies.registry import find_study
 
 SEED = 27
@@ -51,12 +52,7 @@ def conduct(effort: Effort) -> Finding:
     """Conduct the study. Raises ArithmeticError where two of its values contradict each other."""
     theory = _check_theory(effort)
     entries = _measure_graphs(effort)
-    samples = _sample_packings(effort, "typical", effort.choose(*PACKINGS), 12)
-    mixed = _sample_packings(effort, "mixed", effort.choose(*MIXED_PACKINGS), None)
-    count = effort.choose(*COMPARED)
-    compared = effort.journal.part(
-        f"compared {count}", lambda: random_packings.compare_with_exact(SEED, count)
-    )
+    samples, mixed, compared = _sample_packings(effort)
     orders = _compare_orders(effort)
     geometries = _search_geometry(effort)
     uniform = bound_equal_discs()
@@ -92,21 +88,37 @@ def conduct(effort: Effort) -> Finding:
 
 def _check_theory(effort: Effort) -> dict:
     """Count violated inequalities in exact arithmetic, and compare two exact methods."""
-    total: dict[str, int] = {}
     instances = effort.choose(*EXACT_INSTANCES)
-    for first in range(0, instances, BLOCK):
-        last = min(first + BLOCK, instances)
-        block = effort.journal.part(
-            f"theory {first} {last}", lambda a=first, b=last: count_violations(SEED, a, b)
-        )
-        total = {name: total.get(name, 0) + count for name, count in block.items()}
-        effort.report(f"theory: {total['checked']} of {instances} graphs in exact arithmetic")
     climbs = effort.choose(*CLIMBS)
-    ratio = effort.journal.part(
-        f"ratio {climbs}", lambda: largest_ratio(SEED, climbs, CLIMB_STEPS)
+    *blocks, ratio, agreement = effort.parts(
+        [
+            *(
+                Part(
+                    f"theory {first} {last}",
+                    f"theory: graphs {first} to {last} of {instances} in exact arithmetic",
+                    count_violations,
+                    (SEED, first, last),
+                )
+                for first, last in _blocks(instances)
+            ),
+            Part(
+                f"ratio {climbs}",
+                "theory: search for a counterexample",
+                largest_ratio,
+                (SEED, climbs, CLIMB_STEPS),
+            ),
+            Part("two exact methods", "theory: two exact methods", _compare_exact_methods),
+        ]
     )
-    agreement = effort.journal.part("two exact methods", _compare_exact_methods)
+    total: dict[str, int] = {}
+    for block in blocks:
+        total = {name: total.get(name, 0) + count for name, count in block.items()}
     return {"instances": total, "largest_ratio": ratio, "two_exact_methods": agreement}
+
+
+def _blocks(count: int) -> list[tuple[int, int]]:
+    """Divide `count` instances into blocks: first one, and one beyond the last."""
+    return [(first, min(first + BLOCK, count)) for first in range(0, count, BLOCK)]
 
 
 def _compare_exact_methods() -> list[dict]:
@@ -122,58 +134,77 @@ def _compare_exact_methods() -> list[dict]:
 
 
 def _measure_graphs(effort: Effort) -> list[dict]:
-    entries = []
-    graphs = listed_graphs(effort.full)
-    for graph in graphs:
-        effort.report(f"constants: {graph.name} ({len(entries) + 1} of {len(graphs)})")
-        arguments = (
-            SEED,
-            effort.choose(*ANNEALING_STARTS),
-            effort.choose(*ANNEALING_STEPS),
-            effort.choose(*TARGET_SECONDS),
-            effort.full,
-        )
-        entries.append(
-            effort.journal.part(
+    arguments = (
+        SEED,
+        effort.choose(*ANNEALING_STARTS),
+        effort.choose(*ANNEALING_STEPS),
+        effort.choose(*TARGET_SECONDS),
+        effort.full,
+    )
+    return effort.parts(
+        [
+            Part(
                 f"graph {graph.name} {arguments}",
-                lambda g=graph, a=arguments: measure_constants(g, *a),
+                f"constants: {graph.name}",
+                measure_constants,
+                (graph, *arguments),
             )
-        )
-    return entries
+            for graph in listed_graphs(effort.full)
+        ]
+    )
 
 
-def _sample_packings(effort: Effort, name: str, count: int, discs: int | None) -> np.ndarray:
-    rows = []
-    for first in range(0, count, BLOCK):
-        last = min(first + BLOCK, count)
-        rows += effort.journal.part(
+def _sample_packings(effort: Effort) -> tuple[np.ndarray, np.ndarray, dict]:
+    """Measure packings of 12 discs and mixed ones; compare some with the exact value."""
+    compared = effort.choose(*COMPARED)
+    groups = (
+        ("typical", effort.choose(*PACKINGS), random_packings.TYPICAL_DISCS),
+        ("mixed", effort.choose(*MIXED_PACKINGS), None),
+    )
+    blocks = [
+        Part(
             f"packings {name} {first} {last}",
-            lambda a=first, b=last: random_packings.measure_block(SEED, a, b, discs),
+            f"random packings ({name}): {first} to {last} of {count}",
+            random_packings.measure_block,
+            (SEED, first, last, discs),
         )
-        effort.report(f"random packings ({name}): {last} of {count}")
-    return np.array(rows)
+        for name, count, discs in groups
+        for first, last in _blocks(count)
+    ]
+    comparison = Part(
+        f"compared {compared}",
+        "random packings: comparison with exact values",
+        random_packings.compare_with_exact,
+        (SEED, compared),
+    )
+    found, *values = effort.parts([comparison, *blocks])
+    rows = [row for value in values for row in value]
+    typical = groups[0][1]
+    return np.array(rows[:typical]), np.array(rows[typical:]), found
 
 
 def _compare_orders(effort: Effort) -> list[dict]:
     """Measure named, random and best orders of four packings."""
     graphs: list[ContactGraph] = [chain(12), hexagon(1), grow(9, 0), star(3, 2)]
     graphs += [hexagon(2)] if effort.full else []
-    return [
-        effort.journal.part(f"orders {g.name} {effort.full}", lambda g=g: _orders_of(effort, g))
-        for g in graphs
-    ]
+    limits = effort.choose(*ORDER_STEPS), effort.choose(*TARGET_SECONDS)
+    return effort.parts(
+        [
+            Part(f"orders {g.name} {effort.full}", f"orders: {g.name}", _orders_of, (g, *limits))
+            for g in graphs
+        ]
+    )
 
 
-def _orders_of(effort: Effort, graph: ContactGraph) -> dict:
+def _orders_of(graph: ContactGraph, steps: int, seconds: float) -> dict:
     from nsbench.studies.lemma.adversarial_search import search_fixed_order
 
     gram = graph.gram
     named = named_orders(graph)
     values = {name: search_fixed_order(gram, order) for name, order in named.items()}
     start = named[min(values, key=values.get)]
-    best = find_best_order(gram, start, SEED, effort.choose(*ORDER_STEPS))
+    best = find_best_order(gram, start, SEED, steps)
     contacts = list(range(len(gram)))
-    seconds = effort.choose(*TARGET_SECONDS)
     exact = exact_violation(gram, graph.distances(), contacts, seconds, best.order)
     return {
         "name": graph.name,
@@ -189,19 +220,20 @@ def _orders_of(effort: Effort, graph: ContactGraph) -> dict:
 
 def _search_geometry(effort: Effort) -> list[dict]:
     """Search for the packing with the largest constant, by number of discs."""
-    out = []
     arguments = tuple(
         effort.choose(*sizes) for sizes in (GEOMETRY_TRIES, TARGET_SECONDS, GEOMETRY_EXACT)
     )
-    for discs in GEOMETRY_DISCS:
-        effort.report(f"geometry: {discs} discs")
-        out.append(
-            effort.journal.part(
+    return effort.parts(
+        [
+            Part(
                 f"geometry {discs} {arguments}",
-                lambda n=discs: find_worst_geometry(n, SEED, *arguments),
+                f"geometry: {discs} discs",
+                find_worst_geometry,
+                (discs, SEED, *arguments),
             )
-        )
-    return out
+            for discs in GEOMETRY_DISCS
+        ]
+    )
 
 
 def _check_consistency(entries: list[dict], theory: dict, compared: dict) -> None:

@@ -13,6 +13,7 @@ from nsbench.studies.multipliers.settling import (
     follow_column,
     follow_events,
 )
+from nsbench.studies.parts import Part
 from nsbench.studies.registry import find_study
 
 COLUMNS = ((5, 10, 20), (5, 10, 20, 40, 80))
@@ -89,38 +90,46 @@ def conduct(effort: Effort) -> Finding:
 
 
 def _settle_columns(effort: Effort) -> list[dict]:
-    out = []
-    for method in COLUMN_METHODS:
-        for n in COLUMNS[effort.full]:
-            effort.report(f"multipliers: a column of {n} discs, {method}")
-            out.append(
-                effort.journal.part(
-                    f"column {n} {method}", lambda a=(n, method): follow_column(*a)
-                )
+    return effort.parts(
+        [
+            Part(
+                f"column {n} {method}",
+                f"multipliers: a column of {n} discs, {method}",
+                follow_column,
+                (n, method),
             )
-    return out
+            for method in COLUMN_METHODS
+            for n in COLUMNS[effort.full]
+        ]
+    )
 
 
 def _settle_events(effort: Effort) -> list[dict]:
-    out = []
-    for key in EVENT_CASES:
-        effort.report(f"multipliers: after the events of {key}")
-        for method in EVENT_METHODS:
-            for divisor in DIVISORS:
-                out += effort.journal.part(
-                    f"events {key} {method} {divisor}",
-                    lambda a=(key, method, divisor): follow_events(*a),
-                )
-    return out
+    found = effort.parts(
+        [
+            Part(
+                f"events {key} {method} {divisor}",
+                f"multipliers: after the events of {key}, {method}, spacing / {divisor}",
+                follow_events,
+                (key, method, divisor),
+            )
+            for key in EVENT_CASES
+            for method in EVENT_METHODS
+            for divisor in DIVISORS
+        ]
+    )
+    return [row for rows in found for row in rows]
 
 
 def _divide_costs(effort: Effort) -> list[dict]:
-    out = []
     cost = effort.choose(*SWEEPS_PER_SAMPLE)
-    for key in COST_CASES[effort.full]:
-        effort.report(f"multipliers: steps or sweeps on {key}")
-        out += effort.journal.part(f"cost {key} {cost}", lambda k=key: spend(k, cost))
-    return out
+    found = effort.parts(
+        [
+            Part(f"cost {key} {cost}", f"multipliers: steps or sweeps on {key}", spend, (key, cost))
+            for key in COST_CASES[effort.full]
+        ]
+    )
+    return [row for rows in found for row in rows]
 
 
 def _measure_bars(effort: Effort) -> list[dict]:
@@ -128,15 +137,19 @@ def _measure_bars(effort: Effort) -> list[dict]:
     if effort.full:
         cases = tuple(key for group in BAR_CASES for key in group)
     divisors = BAR_DIVISORS[effort.full]
-    out = []
-    for key in cases:
-        effort.report(f"multipliers: error bars of {key}")
-        for method in BAR_METHODS:
-            out += effort.journal.part(
+    found = effort.parts(
+        [
+            Part(
                 f"bars {key} {method} {divisors}",
-                lambda a=(key, method): measure_bars(*a, divisors),
+                f"multipliers: error bars of {key}, {method}",
+                measure_bars,
+                (key, method, divisors),
             )
-    return out
+            for key in cases
+            for method in BAR_METHODS
+        ]
+    )
+    return [row for rows in found for row in rows]
 
 
 def _answer(columns, growth, events, costs) -> str:

@@ -7,8 +7,9 @@ import numpy as np
 from nsbench.report.style import format_number
 from nsbench.studies.curves import Curve, Panel, draw_panels
 from nsbench.studies.finding import Effort, EvidenceFigure, EvidenceTable, Finding
+from nsbench.studies.parts import Part
 from nsbench.studies.plateau import adversary
-from nsbench.studies.plateau.scenes import FULL, SMALL, find_scene
+from nsbench.studies.plateau.scenes import FULL, SMALL, Scene, find_scene
 from nsbench.studies.registry import find_study
 from nsbench.studies.runs.ladders import QUANTITIES, STALLS, convergence, say_verdict
 
@@ -27,17 +28,14 @@ REFUTATION = (
 
 def conduct(effort: Effort) -> Finding:
     """Conduct the study."""
-    entries = []
     octaves = effort.choose(*OCTAVES)
-    for scene in FULL if effort.full else SMALL:
-        for method in METHODS[effort.full]:
-            effort.report(f"plateau: {scene.key}, {method}")
-            entry = effort.journal.part(
-                f"ladder {scene} {method} {octaves}",
-                lambda s=scene, m=method: convergence(find_scene(s.key), m, s.first, octaves),
-            )
-            entries.append({"group": scene.group, **entry})
-    found = _search(effort)
+    scenes = [(s, m) for s in (FULL if effort.full else SMALL) for m in METHODS[effort.full]]
+    values = effort.parts([*(_ladder(*pair, octaves) for pair in scenes), *_searches(effort)])
+    entries = [
+        {"group": scene.group, **entry}
+        for (scene, _), entry in zip(scenes, values, strict=False)
+    ]
+    found = _join(values[len(scenes) :])
     worst = _follow_worst(effort, found, octaves)
     return Finding(
         name="plateau",
@@ -52,20 +50,41 @@ def conduct(effort: Effort) -> Finding:
     )
 
 
-def _search(effort: Effort) -> dict:
-    """Search restart by restart, so that an interrupted search goes on."""
+def _ladder(scene: Scene, method: str, octaves: int) -> Part:
+    return Part(
+        f"ladder {scene} {method} {octaves}",
+        f"plateau: {scene.key}, {method}",
+        _climb,
+        (scene.key, method, scene.first, octaves),
+    )
+
+
+def _climb(key: str, method: str, first: int, octaves: int) -> dict:
+    return convergence(find_scene(key), method, first, octaves)
+
+
+def _searches(effort: Effort) -> list[Part]:
+    """List the blocks of the search, one restart of each family."""
     moves = effort.choose(*MOVES)
     families = len(adversary.FAMILIES)
-    total: dict = {"tried": 0, "measured": 0, "ratios": [], "failed": {}, "best": []}
-    for block in range(effort.choose(*RESTARTS) // families):
-        effort.report(f"plateau: search, {total['tried']} configurations so far")
-        part = effort.journal.part(
+    return [
+        Part(
             f"search {block} {moves}",
-            lambda b=block: adversary.search([SEED, b], families, moves),
+            f"plateau: search, block {block}",
+            adversary.search,
+            ([SEED, block], families, moves),
         )
+        for block in range(effort.choose(*RESTARTS) // families)
+    ]
+
+
+def _join(blocks: list[dict]) -> dict:
+    """Join the blocks of the search."""
+    total: dict = {"tried": 0, "measured": 0, "ratios": [], "failed": {}, "best": []}
+    for block in blocks:
         for name in ("tried", "measured", "ratios", "best"):
-            total[name] = total[name] + part[name]
-        for why, count in part["failed"].items():
+            total[name] = total[name] + block[name]
+        for why, count in block["failed"].items():
             total["failed"][why] = total["failed"].get(why, 0) + count
     total["best"].sort(key=lambda a: -a["ratio"])
     return total
@@ -76,11 +95,9 @@ def _follow_worst(effort: Effort, found: dict, octaves: int) -> dict:
     worst = found["best"][0]
     octaves += WORST_OCTAVES
     effort.report(f"plateau: the worst configuration found, {worst['key']}, {worst['method']}")
+    arguments = worst["key"], worst["method"], min(adversary.COARSE), octaves
     entry = effort.journal.part(
-        f"worst {worst['key']} {worst['method']} {octaves}",
-        lambda: convergence(
-            find_scene(worst["key"]), worst["method"], min(adversary.COARSE), octaves
-        ),
+        f"worst {worst['key']} {worst['method']} {octaves}", lambda: _climb(*arguments)
     )
     return {"group": "worst found", **entry}
 

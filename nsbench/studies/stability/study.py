@@ -9,6 +9,7 @@ import numpy as np
 from nsbench.report.style import format_number
 from nsbench.studies.curves import Curve, Panel, draw_panels
 from nsbench.studies.finding import Effort, EvidenceFigure, EvidenceTable, Finding
+from nsbench.studies.parts import Part
 from nsbench.studies.plateau.scenes import find_scene
 from nsbench.studies.registry import find_study
 from nsbench.studies.stability.held_stack import hold
@@ -29,20 +30,17 @@ REFUTATION = (
 
 def conduct(effort: Effort) -> Finding:
     """Conduct the study. Raises ArithmeticError for a cell that is neither number nor failure."""
-    maps = {m.name: _fill(effort, m) for m in MAPS}
+    rows = [(m.name, value, key) for m in MAPS for value, key in m.scenes(effort.full).items()]
+    stacks = _stacks(effort.full)
+    filled = effort.parts([*(_row(name, key) for name, _, key in rows), *stacks])
+    holds = filled[len(rows) :]
+    maps: dict[str, dict[float, list[dict]]] = {m.name: {} for m in MAPS}
+    for (name, value, _), found in zip(rows, filled, strict=False):
+        maps[name][value] = found
     cells = [(m, v, c) for m in MAPS for v, row in maps[m.name].items() for c in row]
     for m, value, cell in cells:
         if cell["error"] is None and not cell["sentence"]:
             raise ArithmeticError(f"{m.name} {value}: {cell['method']} has no error and no reason")
-    holds = []
-    for n, steps in HOLDS[effort.full]:
-        for method in _holders(effort.full):
-            effort.report(f"stability: {n} discs held by {method} for {steps} steps")
-            holds.append(
-                effort.journal.part(
-                    f"hold {n} {steps} {method}", lambda a=(n, steps, method): hold(*a)
-                )
-            )
     return Finding(
         name="stability",
         question=find_study("stability").question,
@@ -69,12 +67,21 @@ def _holders(full: bool) -> list[str]:
     return list(dict.fromkeys([*HELD_BY, *more]))
 
 
-def _fill(effort: Effort, m: Map) -> dict[float, list[dict]]:
-    out = {}
-    for value, key in m.scenes(effort.full).items():
-        effort.report(f"stability: map {m.name}, {key}")
-        out[value] = effort.journal.part(f"map {key}", lambda k=key: fill_row(k))
-    return out
+def _row(name: str, key: str) -> Part:
+    return Part(f"map {key}", f"stability: map {name}, {key}", fill_row, (key,))
+
+
+def _stacks(full: bool) -> list[Part]:
+    return [
+        Part(
+            f"hold {n} {steps} {method}",
+            f"stability: {n} discs held by {method} for {steps} steps",
+            hold,
+            (n, steps, method),
+        )
+        for n, steps in HOLDS[full]
+        for method in _holders(full)
+    ]
 
 
 def _is_sound(cell: dict) -> bool:
