@@ -57,5 +57,6 @@ def compute_elsewhere(
         report(f"{part.words} ({len(stored)} of {len(missing)} done)")
 
     if missing:
+        report(f"{len(missing)} parts by several workers, from {missing[0].words} on")
         workers([(part.function, part.args) for part in missing], store)
     return [journal.part(part.key, partial(part.function, *part.args)) for part in parts]

@@ -2,8 +2,6 @@
 little of them here."""
 
 import dataclasses
-import math
-import operator
 import os
 import signal
 import sys
@@ -11,7 +9,6 @@ import threading
 import time
 from pathlib import Path
 
-import psutil
 import pytest
 from local_cluster import cluster
 from solver_file import solver
@@ -19,12 +16,9 @@ from test_execute import SOLVER
 
 from nsbench import columns
 from nsbench.cli import main
-from nsbench.execute.cluster import chores as cluster_chores
 from nsbench.execute.cluster import client as far
 from nsbench.execute.cluster import remote_worker
-from nsbench.execute.cluster.chores import cluster_workers
 from nsbench.execute.workers import pool
-from nsbench.execute.workers.worker import LostChore
 from nsbench.results import run_key
 from nsbench.results.journal import Journal, read_journal
 from nsbench.study import Spec
@@ -202,43 +196,6 @@ def test_a_task_that_comes_after_its_study_was_stopped_is_not_begun(tmp_path):
     others = remote_worker.rows_of([fine], arguments[0], "other study", *arguments[2:])
     assert [row["status"] for row, _ in others] == ["ok"]
     remote_worker.dismiss("other study")
-
-
-def test_values_of_chores_come_as_they_end_and_what_one_raises_is_raised(address):
-    tasks = [(math.sqrt, (n,)) for n in range(3)]
-    found = {}
-    with cluster_workers(address) as workers:
-        workers(tasks, found.__setitem__)
-        with pytest.raises(ZeroDivisionError):
-            workers([(operator.truediv, (1, 0))], found.__setitem__)
-        with pytest.raises(LostChore, match="_exit was not done. The worker died"):
-            workers([(os._exit, (3,))], found.__setitem__)
-    assert found == {n: math.sqrt(n) for n in range(3)}
-
-
-def test_an_interrupt_keeps_the_values_there_are_and_ends_the_processes_of_the_cluster(address):
-    found = {}
-
-    def on_value(number, value):
-        found[number] = value
-        os.kill(os.getpid(), signal.SIGINT)
-
-    tasks = [(os.getpid, ()), (time.sleep, (600.0,))]
-    with pytest.raises(KeyboardInterrupt), cluster_workers(address) as workers:
-        workers(tasks, on_value)
-    assert [*found] == [0]
-    until = time.monotonic() + 30.0
-    while psutil.pid_exists(found[0]) and time.monotonic() < until:
-        time.sleep(0.05)
-    assert not psutil.pid_exists(found[0])
-
-
-def test_chores_of_workers_unlike_this_installation_are_refused(address):
-    here = remote_worker.fingerprint() | {"numpy": "1.0"}
-    with far.connect_client(address) as client:
-        request = remote_worker.Limits(None), "chores", here
-        with pytest.raises(far.ClusterError, match="that joined is not like this"):
-            cluster_chores._compute(client, address, request, [(os.getpid, ())], print)
 
 
 def test_workers_unlike_this_installation_are_refused(address):

@@ -81,7 +81,7 @@ def _compute(
                 value = _value_of(outcome)
                 with signals.defer_signals():
                     on_value(numbers.pop(future), value)
-                signals.check()
+                    signals.check()
     finally:
         with contextlib.suppress(Exception):
             client.cancel(list(numbers), force=True)
