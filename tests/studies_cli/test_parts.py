@@ -74,9 +74,10 @@ def test_a_worker_that_dies_ends_the_study_with_a_sentence():
             run([Part("bad", "", os._exit, (3,))], workers)
 
 
-def test_an_interrupt_keeps_what_was_finished_and_leaves_no_process(tmp_path):
+@pytest.mark.parametrize("more", [[Part("long", "", time.sleep, (60,))], []], ids=["more", "last"])
+def test_an_interrupt_keeps_what_was_finished_and_leaves_no_process(tmp_path, more):
     path = tmp_path / "x.parts.jsonl"
-    parts = [*ROOTS[:1], Part("long", "", time.sleep, (60,))]
+    parts = [ROOTS[0], *more]
 
     def report(line):
         if "done" in line:
@@ -110,11 +111,21 @@ def test_workers_are_those_of_the_options(tmp_path, monkeypatch, options, in_thi
     assert seen == [in_this_process]
 
 
-def test_a_contradiction_within_a_worker_exits_3(tmp_path, monkeypatch, capsys):
-    bad = [Part("bad", "", operator.truediv, (1, 0))]
+@pytest.mark.parametrize(
+    "function, args, code, text",
+    [
+        (operator.truediv, (1, 0), 3, "contradicts itself"),
+        (os._exit, (3,), 5, "nsbench: _exit was not done. The worker died"),
+    ],
+    ids=["contradiction", "death"],
+)
+def test_a_worker_that_fails_ends_the_study(
+    tmp_path, monkeypatch, capsys, function, args, code, text
+):
+    bad = [Part("bad", "", function, args)]
     monkeypatch.setattr(lemma, "conduct", lambda effort: effort.parts(bad))
-    assert main(["study", "lemma", "-o", str(tmp_path), "-j", "2"]) == 3
-    assert "contradicts itself" in capsys.readouterr().out
+    assert main(["study", "lemma", "-o", str(tmp_path), "-j", "2"]) == code
+    assert text in "".join(capsys.readouterr())
 
 
 @pytest.mark.parametrize(

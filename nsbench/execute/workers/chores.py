@@ -56,7 +56,7 @@ def _compute(
     pool.queue += reversed(chores)
     with signals.defer_signals():
         while pool.queue or pool.busy:
-            signals.check()
             pool.start_workers(jobs)
             pool.receive()
             pool.enforce_limits()
+        signals.check()
