@@ -296,8 +296,8 @@ def _evidence(entries, theory, samples, compared, orders, geometries) -> tuple[s
         f"Among {len(values)} random packings of 12 discs in random orders the median constant is "
         f"{format_number(float(np.median(values)), 3)}, the largest "
         f"{format_number(float(values.max()), 3)}; a constant above 2 has probability "
-        f"{format_number(share, 2)} (95 %: {format_number(low, 2)} to "
-        f"{format_number(high, 2)}).",
+        f"{format_number(share, 3)} (95 %: {format_number(low, 3)} to "
+        f"{format_number(high, 3)}).",
         f"On {compared['equal']} of {compared['equal'] + compared['below'] + compared['above']} "
         "of these packings the ascent was compared with the exact value of their order and "
         f"reached it; it fell short on {compared['below']}.",
