@@ -78,7 +78,7 @@ WRONG_METHODS = {
     "states for impulses": ("np.array(I), np.array(I)", "np.array(I)[:-1], 0", r"impulse is .*shape"),
     "a contact of another case": ("(0, i)", "(3, i)", r"id \(3, 0\), which is none"),
     "another start": ("[case.x0], [", "[case.x0 + 0.1], [", "begins with 0.6"),
-    "a refusal without reason": ('return "Clip needs', 'return True or "Clip needs', "sentence or N"),
+    "a refusal without reason": ('return "Clip needs', 'return True or "Clip needs', "or a sentence"),
     "nothing returned": ("return Traj", "Traj", "returned NoneType"),
     "steps of its own": ("grid(case.t, h)", "grid(case.t, 1e-2)", "multipliers|steps of"),
     "the floor is forgotten": ("np.maximum(y, 0.0)", "y", "state: order 1.*|all zero"),
@@ -105,6 +105,12 @@ def test_a_right_method_is_fine(tmp_path, name):
     old, new = FINE[name]
     violations, said = said_of(tmp_path, METHOD.replace(old, new))
     assert not violations and any("of order 1.0" in line for line in said), said
+
+
+def test_a_method_of_which_nothing_can_be_measured_is_told_so(tmp_path):
+    """It refuses all that has a closed form: nothing of it has run."""
+    violations, said = said_of(tmp_path, METHOD.replace("if len(c) != 1 or", "if True or"))
+    assert not violations and any("no error or order of it was measured" in line for line in said)
 
 
 @pytest.mark.long

@@ -349,3 +349,20 @@ def test_the_reaction_of_a_stiff_closed_form_is_within_its_bound(key):
     ref = reference.closed_form(case)
     off = np.abs(ref.reaction - case.exact_impulse(case.t)).max()
     assert off <= ref.reaction_error < 1e-8 * case.exact_impulse(case.t).max()
+
+
+def test_a_witness_whose_errors_scatter_goes_on_to_finer_steps(monkeypatch, tmp_path):
+    """As explicit Euler at a sliding surface: two steps that give errors of one size say little."""
+    from nsbench import solvers
+
+    honest = solvers.solve
+
+    def scattered(case, spec, **accuracy):
+        run = honest(case, spec, **accuracy)
+        if spec == "pbd" and accuracy["h"] > 5e-5:
+            run = dataclasses.replace(run, x=run.x + 9e-3)
+        return run
+
+    monkeypatch.setattr("nsbench.solvers.solve", scattered)
+    ref = reference.build(TIDE, tmp_path, PAIR, kind="runs")
+    assert "pbd comes from" in ref.how and "e-05 to" in ref.how

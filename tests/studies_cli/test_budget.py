@@ -68,9 +68,9 @@ def test_both_methods_are_measured_on_a_scene():
         assert len(errors) >= costs.MIN_RUNS and errors[-1] < errors[0]
 
 
-def made_seed(seed, true, off):
+def made_seed(seed, true, off, unknown=1e-6):
     runs = [{"method": "pbd", "h": 0.1, "status": "ok", "values": {"height": true + off}}]
-    return {"seed": seed, "truth": {"height": true}, "truth_error": 1e-6, "runs": runs}
+    return {"seed": seed, "truth": {"height": true}, "truth_error": unknown, "runs": runs}
 
 
 def test_numerical_errors_are_compared_with_the_spread_over_seeds():
@@ -81,6 +81,18 @@ def test_numerical_errors_are_compared_with_the_spread_over_seeds():
     assert row["low"] < 0.1 < row["high"]  # of the drawn distribution
     (row,) = model_error.compare([made_seed(k, 5.0 + 1e-9 * k, 0.2) for k in range(4)])
     assert row["ratio"] is None  # the truth is not known well enough to tell a spread
+
+
+def test_a_seed_whose_truth_is_not_known_widens_the_interval():
+    values = np.random.default_rng(1).normal(5.0, 2.0, 40)
+    unknown = np.where(np.arange(40) == 7, 1.0, 0.0)
+    seeds = [made_seed(k, v, 0.2, unknown[k]) for k, v in enumerate(values)]
+    assert model_error.truth_error(seeds) == pytest.approx(40**-0.5)
+    (plain,) = model_error.compare([made_seed(k, v, 0.2, 0.0) for k, v in enumerate(values)])
+    (row,) = model_error.compare(seeds)
+    assert row["ratio"] == plain["ratio"]
+    assert row["low"] == pytest.approx(plain["low"] * (1.0 - 40**-0.5 / 0.2))
+    assert row["high"] == pytest.approx(plain["high"] * (1.0 + 40**-0.5 / 0.2))
 
 
 def test_a_reference_of_the_same_method_hides_its_own_error(monkeypatch):

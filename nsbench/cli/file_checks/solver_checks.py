@@ -54,11 +54,17 @@ def check_solver(name: str, say: Say) -> list[str]:
         if why is None:
             violations += _check_run(case, method)
         elif not (isinstance(why, str) and len(why.split()) > 2):
-            violations.append(f"refuses({probe}) returns {why!r}; a sentence or None is needed")
+            violations.append(
+                f"refuses({probe}) returns {why!r}; None is needed, or a sentence (three words)"
+            )
     if violations:
         return violations
-    for keys in CLOSED_FORMS:
-        taken = [c for c in map(get_case, keys) if method.refuses(c) is None]
+    classes = [
+        [c for c in map(get_case, keys) if method.refuses(c) is None] for keys in CLOSED_FORMS
+    ]
+    if not any(classes):
+        say(f"{name} refuses every case with a closed form: no error or order of it was measured")
+    for taken in classes:
         for case in taken[:CASES_OF_A_CLASS]:
             violations += _check_convergence(case, method, name, say)
     return violations

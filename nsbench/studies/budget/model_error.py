@@ -49,6 +49,11 @@ def observe(seed: int, end: float, r_hard: float, substeps: int) -> dict:
     }
 
 
+def truth_error(seeds: list[dict]) -> float:
+    """Return the root mean square, over seeds, of the errors of their true solutions."""
+    return float(np.sqrt(np.mean([s["truth_error"] ** 2 for s in seeds])))
+
+
 def _at_end(values: dict[str, np.ndarray]) -> dict[str, float]:
     return {name: float(v[-1]) for name, v in values.items()}
 
@@ -57,13 +62,13 @@ def compare(seeds: list[dict]) -> list[dict]:
     """Compare numerical errors with the spread over seeds, by observable, method and step.
 
     ratio: root mean square error over the standard deviation of the true values, with the 95 %
-    interval (low, high) that the sample of seeds leaves to that deviation, for normal values;
-    None where the observable varies by less than the truth is known.
+    interval (low, high) that the sample of seeds leaves to that deviation, for normal values, wider
+    by the root mean square to which the truths are known; None where an observable varies by less.
     """
     from scipy.stats import chi2
 
     n = len(seeds)
-    known = max(s["truth_error"] for s in seeds)
+    known = truth_error(seeds)
     out = []
     for name in seeds[0]["truth"]:
         true = np.array([s["truth"][name] for s in seeds])
@@ -95,6 +100,7 @@ def compare(seeds: list[dict]) -> list[dict]:
             if spread > known:
                 tails = chi2.ppf([(1.0 - LEVEL) / 2, (1.0 + LEVEL) / 2], n - 1) / (n - 1)
                 low, high = np.sqrt(tails)
-                ratio = row["rms"] / spread
-                row |= {"ratio": ratio, "low": float(ratio * low), "high": float(ratio * high)}
+                row["ratio"] = row["rms"] / spread
+                row["low"] = float(max(0.0, row["rms"] - known) / spread * low)
+                row["high"] = float((row["rms"] + known) / spread * high)
     return out

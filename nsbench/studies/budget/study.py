@@ -110,14 +110,14 @@ def _compare_with_spread(effort: Effort, r_hard: float) -> dict:
         ]
     )
     rows = model_error.compare(seeds)
-    worst = max(s["truth_error"] for s in seeds)
     return {
         "r_hard": r_hard,
         "end": end,
         "rows": rows,
         "seeds": seeds,
         "count": len(seeds),
-        "truth_error": worst,
+        "truth_error": model_error.truth_error(seeds),
+        "worst_truth_error": max(s["truth_error"] for s in seeds),
     }
 
 

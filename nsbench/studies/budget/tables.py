@@ -122,9 +122,10 @@ def model_table(model: dict) -> EvidenceTable:
         ),
         tuple(tuple(r[f] for f in (*fields, *rest)) for r in model["rows"]),
         f"At {model['end']:g} h, {model['count']} seeds; the truth is known to "
-        f"{format_number(model['truth_error'], 2)} in any coordinate. Spread: standard deviation. "
-        "The interval is that of the deviation, for normal values. No ratio where an observable "
-        "varies by less than the truth is known.",
+        f"{format_number(model['truth_error'], 2)} (root mean square; "
+        f"{format_number(model['worst_truth_error'], 2)} of the worst seed) in any coordinate. "
+        "Spread: standard deviation. The interval is that of the deviation, for normal values, "
+        "wider by what the truth is known to. No ratio where an observable varies by less.",
     )
 
 
