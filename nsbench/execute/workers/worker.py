@@ -11,7 +11,6 @@ import contextlib
 import faulthandler
 import gc
 import os
-import pickle
 import time
 import traceback
 from collections.abc import Callable, Iterator
@@ -32,6 +31,10 @@ from nsbench.study.attempt import lost_run_row, run_batch, run_one, timed_again
 # new objects after which Python looks for garbage: with its 700 it looks through all modules that a
 # worker has loaded, again and again, and hardly any is found
 COLLECTED_AFTER = 50_000
+
+
+# kinds of what a chore raised: one of these is sent back, with the text of any other
+SENT_ERRORS = (ArithmeticError, LookupError, ValueError, TypeError, OSError, MemoryError)
 
 
 @dataclass(frozen=True)
@@ -196,9 +199,7 @@ def _do(chore: Chore) -> tuple[object, Exception | None]:
     try:
         return chore.function(*chore.args), None
     except Exception as e:
-        e.add_note(f"in a worker:\n{traceback.format_exc()}")
-        try:
-            pickle.loads(pickle.dumps(e))
-        except Exception:
-            return None, RuntimeError(f"{type(e).__name__}: {e}")
-        return None, e
+        kind = next((k for k in SENT_ERRORS if isinstance(e, k)), RuntimeError)
+        sent = kind(str(e) if type(e) is kind else f"{type(e).__name__}: {e}")
+        sent.add_note(f"in a worker:\n{traceback.format_exc()}")
+        return None, sent
