@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from nsbench.report.scenes.figure import STYLE, write_svg
 from nsbench.report.style import MUTED, PALETTE
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 MARKERS = "os^Dvp*X<>"
 PANEL_INCHES = (2.9, 2.3)
+LEGEND_INCHES = 1.7  # of a legend that stands beside its panel
 MAX_LABELS = 5  # of a logarithmic axis
 MIN_DECADES = 2.0  # of an axis that is labelled by powers of ten alone
 MOST_INSIDE = 4  # curves of a legend that lies inside its panel; a longer one stands beside it
@@ -43,18 +48,28 @@ class Panel:
 
 def draw_panels(panels: Sequence[Panel], columns: int = 4) -> str:
     """Draw panels in rows of at most `columns`, as SVG text; empty or no points are left out."""
+    return write_svg(make_figure(panels, columns))
+
+
+def make_figure(panels: Sequence[Panel], columns: int = 4) -> Figure:
+    """Return the figure of `draw_panels`."""
     import matplotlib
     from matplotlib.figure import Figure
 
     columns = min(columns, len(panels))
     rows = -(-len(panels) // columns)
     width, height = PANEL_INCHES
+    width += LEGEND_INCHES * any(map(_has_long_legend, panels))
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(width * columns, height * rows), facecolor="white")
         for k, panel in enumerate(panels):
             _draw_panel(figure.add_subplot(rows, columns, k + 1), panel)
         figure.tight_layout(pad=0.4)
-    return write_svg(figure)
+    return figure
+
+
+def _has_long_legend(panel: Panel) -> bool:
+    return panel.has_legend and len(panel.curves) > MOST_INSIDE
 
 
 def _draw_panel(axes, panel: Panel) -> None:
@@ -84,8 +99,8 @@ def _draw_panel(axes, panel: Panel) -> None:
     axes.set_xlabel(panel.x_label)
     axes.set_ylabel(panel.y_label)
     if panel.has_legend and panel.curves:
-        beside = len(panel.curves) > MOST_INSIDE
-        place = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)} if beside else {}
+        beside = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}
+        place = beside if _has_long_legend(panel) else {}
         axes.legend(frameon=False, fontsize=6.5, **place)
 
 

@@ -1,0 +1,18 @@
+"""Panels of studies: a legend of many curves takes no room from its panel."""
+
+import pytest
+
+from nsbench.studies.curves import MOST_INSIDE, PANEL_INCHES, Curve, Panel, make_figure
+
+
+@pytest.mark.parametrize("count", [2, MOST_INSIDE, MOST_INSIDE + 2])
+def test_panels_stay_as_wide_whatever_their_legend(count):
+    curves = tuple(
+        Curve(f"pbd[order=reverse], against {k}", (0.002, 0.1), (k, 2.0)) for k in range(1, count + 1)
+    )
+    figure = make_figure([Panel("teaser", curves, "h", "error")])
+    (axes,) = figure.axes
+    width = axes.get_position().width * figure.get_figwidth()
+    assert 0.6 * PANEL_INCHES[0] < width < PANEL_INCHES[0]
+    inside = axes.get_legend().get_window_extent().x0 < axes.get_window_extent().x1
+    assert inside == (count <= MOST_INSIDE)
