@@ -38,6 +38,7 @@ def test_a_wall_does_not_pull_apart():
     assert found.lipschitz == 0.0 and found.constant(found.growth) is None
 
 
+@pytest.mark.long
 def test_a_projection_of_two_discs_stretches_their_tangential_distance():
     """Discs pressed together by 2 h: tangential distances grow by 2 / (2 - 2 h)."""
     force = [1.0, 0.0, -1.0, 0.0]
@@ -73,6 +74,7 @@ def test_constants_settle_as_the_step_shrinks():
     assert all(c["growth"] <= c["growth_bound"] for c in constants)
 
 
+@pytest.mark.long
 def test_a_growth_above_its_bound_stops_the_study(monkeypatch):
     from nsbench.studies.fan import one_step_stability, study
 
