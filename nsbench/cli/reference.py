@@ -30,7 +30,8 @@ def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
         try:
             result = action(case, folder=where, **options)
             took = f" ({time.perf_counter() - start:.1f} s)" if args.action != "list" else ""
-            say(f"{case.key}: {result or 'has no stored reference'}{took}")
+            none = f"has no stored reference in {where or 'the package'} (another folder: --into)"
+            say(f"{case.key}: {result or none}{took}")
         except (ValueError, ArithmeticError) as e:
             failures += 1
             say(f"{case.key}: {e}")

@@ -241,3 +241,9 @@ def test_a_player_of_a_default_accuracy_is_written(tmp_path):
     page = tmp_path / "tide.html"
     assert main(["show", "three_discs", "-s", "pbd", "--html", str(page)]) == 0
     assert page.stat().st_size > 0
+
+
+def test_a_reference_that_is_not_there_is_told_with_the_folder(tmp_path, capsys):
+    assert main(["reference", "list", "tide", "--into", str(tmp_path)]) == 0
+    said = capsys.readouterr().out
+    assert f"has no stored reference in {tmp_path}" in said and "--into" in said
