@@ -78,7 +78,7 @@ WRONG_METHODS = {
     "states for impulses": ("np.array(I), np.array(I)", "np.array(I)[:-1], 0", r"impulse is .*shape"),
     "a contact of another case": ("(0, i)", "(3, i)", r"id \(3, 0\), which is none"),
     "another start": ("[case.x0], [", "[case.x0 + 0.1], [", "begins with 0.6"),
-    "a refusal without reason": ('return "Clip needs', 'return True or "Clip needs', "or a sentence"),
+    "a refusal without reason": ('return "Clip needs', 'return True or "Clip needs', "or a sent"),
     "nothing returned": ("return Traj", "Traj", "returned NoneType"),
     "steps of its own": ("grid(case.t, h)", "grid(case.t, 1e-2)", "multipliers|steps of"),
     "the floor is forgotten": ("np.maximum(y, 0.0)", "y", "state: order 1.*|all zero"),

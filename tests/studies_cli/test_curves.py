@@ -8,7 +8,8 @@ from nsbench.studies.curves import MOST_INSIDE, PANEL_INCHES, Curve, Panel, make
 @pytest.mark.parametrize("count", [2, MOST_INSIDE, MOST_INSIDE + 2])
 def test_panels_stay_as_wide_whatever_their_legend(count):
     curves = tuple(
-        Curve(f"pbd[order=reverse], against {k}", (0.002, 0.1), (k, 2.0)) for k in range(1, count + 1)
+        Curve(f"pbd[order=reverse], against {k}", (0.002, 0.1), (1.0 + k, 2.0))
+        for k in range(count)
     )
     figure = make_figure([Panel("teaser", curves, "h", "error")])
     (axes,) = figure.axes
