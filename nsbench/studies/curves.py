@@ -19,7 +19,10 @@ PANEL_INCHES = (2.9, 2.3)
 LEGEND_INCHES = 1.7  # of a legend that stands beside its panel
 MAX_LABELS = 5  # of a logarithmic axis
 MIN_DECADES = 2.0  # of an axis that is labelled by powers of ten alone
+BELOW = -0.22  # heights of a panel from its bottom to the top of a legend below its label
+LEGEND_LINE = 0.14  # inches of a line of a legend that stands below its panel
 MOST_INSIDE = 4  # curves of a legend that lies inside its panel; a longer one stands beside it
+LONGEST_INSIDE = 12  # characters of its names; with longer ones it stands below, off the curves
 
 
 @dataclass(frozen=True)
@@ -60,6 +63,7 @@ def make_figure(panels: Sequence[Panel], columns: int = 4) -> Figure:
     rows = -(-len(panels) // columns)
     width, height = PANEL_INCHES
     width += LEGEND_INCHES * any(map(_has_long_legend, panels))
+    height += LEGEND_LINE * max(len(p.curves) * _has_wide_legend(p) for p in panels)
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(width * columns, height * rows), facecolor="white")
         for k, panel in enumerate(panels):
@@ -70,6 +74,11 @@ def make_figure(panels: Sequence[Panel], columns: int = 4) -> Figure:
 
 def _has_long_legend(panel: Panel) -> bool:
     return panel.has_legend and len(panel.curves) > MOST_INSIDE
+
+
+def _has_wide_legend(panel: Panel) -> bool:
+    longest = max((len(c.name) for c in panel.curves), default=0)
+    return panel.has_legend and longest > LONGEST_INSIDE and not _has_long_legend(panel)
 
 
 def _draw_panel(axes, panel: Panel) -> None:
@@ -99,8 +108,11 @@ def _draw_panel(axes, panel: Panel) -> None:
     axes.set_xlabel(panel.x_label)
     axes.set_ylabel(panel.y_label)
     if panel.has_legend and panel.curves:
-        beside = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}
-        place = beside if _has_long_legend(panel) else {}
+        place = {}
+        if _has_long_legend(panel):
+            place = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}
+        elif _has_wide_legend(panel):
+            place = {"loc": "upper left", "bbox_to_anchor": (0.0, BELOW)}
         axes.legend(frameon=False, fontsize=6.5, **place)
 
 

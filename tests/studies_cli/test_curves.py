@@ -1,4 +1,4 @@
-"""Panels of studies: a legend of many curves takes no room from its panel."""
+"""Panels of studies: a legend of many or wide lines takes no room from its panel."""
 
 import pytest
 
@@ -15,5 +15,11 @@ def test_panels_stay_as_wide_whatever_their_legend(count):
     (axes,) = figure.axes
     width = axes.get_position().width * figure.get_figwidth()
     assert 0.6 * PANEL_INCHES[0] < width < PANEL_INCHES[0]
-    inside = axes.get_legend().get_window_extent().x0 < axes.get_window_extent().x1
-    assert inside == (count <= MOST_INSIDE)
+    assert not axes.get_legend().get_window_extent().overlaps(axes.get_window_extent())
+
+
+@pytest.mark.parametrize("count", [2, MOST_INSIDE])
+def test_a_legend_of_few_short_names_lies_inside_its_panel(count):
+    curves = tuple(Curve(f"n = {k}", (0.002, 0.1), (1.0 + k, 2.0)) for k in range(count))
+    (axes,) = make_figure([Panel("teaser", curves, "h", "error")]).axes
+    assert axes.get_legend().get_window_extent().overlaps(axes.get_window_extent())
