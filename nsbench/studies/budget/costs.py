@@ -23,9 +23,8 @@ METHODS = ("pbd", "catching_up")
 TARGETS = (1e-2, 1e-3, 1e-4, 1e-6)
 LARGE = 300  # discs beyond which the run is SHORT
 SHORT = np.linspace(0.0, 0.25, 4)
-HUGE = 5000  # discs beyond which the run is VERY_SHORT and catching-up is its truth
+HUGE = 5000  # discs beyond which the run is VERY_SHORT and catching-up extrapolated its truth
 VERY_SHORT = np.linspace(0.0, 0.1, 3)
-HUGE_SUBSTEPS = 8  # of the coarsest of three runs that are extrapolated
 SAME_STEP = 16  # steps per sample at which the two are compared step by step
 ROUNDS = 5
 MAX_HALVINGS = 18
@@ -57,7 +56,7 @@ def measure_scene(key: str, budget: float) -> dict:
     """
     case = find_discs(int(key)) if key.isdigit() else find_scene(key)
     huge = key.isdigit() and int(key) > HUGE
-    truth = extrapolate(case, HUGE_SUBSTEPS) if huge else find_truth(case)
+    truth = extrapolate(case) if huge else find_truth(case)
     found = [pair for m in METHODS for pair in _descend(case, m, truth, budget)]
     rounds = [clock.FEWEST if row["seconds"] < clock.LONG else 1 for row, _ in found]
     times = clock.in_rounds([run for _, run in found], rounds, lambda i: None)
