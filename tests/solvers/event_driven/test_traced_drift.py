@@ -10,6 +10,7 @@ from studies import random_scenes as scenes
 from nsbench import Affine, Case, Complementarity, Distance, Filippov, get_case
 from nsbench.solvers import solve
 from nsbench.solvers.event_driven.contacts.drift_program import dependences, trace_drift
+from nsbench.solvers.event_driven.filippov.program import UntraceableError, trace_programs
 
 PYTHON = "event_driven[compiled=false]"
 MOVING = ("closing_box", "obstacles")
@@ -152,3 +153,13 @@ def test_what_is_not_compiled_says_why(drift, word):
     )
     note = solve(case, "event_driven").stats["note"]
     assert note.startswith("The loop ran in Python") and word in note
+
+
+def test_a_state_of_too_many_coordinates_is_not_traced(monkeypatch):
+    """The room for operations is less than the coordinates alone take."""
+    case = get_case("discs[n=3]")
+    monkeypatch.setattr("nsbench.solvers.event_driven.filippov.tracing.graph.MOST", case.n)
+    traced, why = trace_drift(case, needs_kinks=False)
+    assert traced is None and f"more than {case.n} operations" in why
+    with pytest.raises(UntraceableError, match="operations"):
+        trace_programs(get_case("sliding").problem, 1, (0.0, 1.0), np.ones(case.n))

@@ -41,8 +41,8 @@ def trace_drift(case: Case, needs_kinks: bool) -> tuple[TracedPrograms | None, s
     """
     drift = case.problem.drift
     times = float(case.t[0]), float(case.t[-1])
-    graph = Graph(case.n, times)
     try:
+        graph = Graph(case.n, times)
         vector(graph, drift(SPACE)(*inputs(graph)), case.n)
     except Exception as e:  # user code, on arrays that it does not know
         return None, describe_refusal(e)

@@ -119,8 +119,8 @@ def trace_programs(
         )
     n = x0.size
     t0 = times[0]
-    graph = Graph(n, (t0, max(times[1], t0 + APART * PROBES)))
     try:
+        graph = Graph(n, (t0, max(times[1], t0 + APART * PROBES)))
         outputs, geometry, sides = _trace(graph, problem, n, d)
         lists = [*outputs.values(), geometry]
         width = max(map(len, lists))
