@@ -1,5 +1,7 @@
 """Budgets: seconds at equal error, error against spread, what a reference of one's own hides."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -66,6 +68,16 @@ def test_both_methods_are_measured_on_a_scene():
     for method in costs.METHODS:
         errors = [r["error"] for r in found["rows"] if r["method"] == method]
         assert len(errors) >= costs.MIN_RUNS and errors[-1] < errors[0]
+
+
+def test_a_truth_is_confirmed_by_one_of_another_kind():
+    case = costs.find_discs(3)
+    truth = costs.find_truth(case)
+    found = costs._confirm(case, truth)
+    assert 0.0 < found["distance"] < found["bound"] < 1e-2
+    wrong = replace(truth, x=truth.x + 2.0 * found["bound"])
+    with pytest.raises(ArithmeticError, match="differ by"):
+        costs._confirm(case, wrong)
 
 
 def made_seed(seed, true, off, unknown=1e-6):

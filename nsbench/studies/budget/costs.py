@@ -14,6 +14,7 @@ import numpy as np
 
 from nsbench.case import Case, get_case
 from nsbench.measure import clock
+from nsbench.reference import Reference
 from nsbench.solvers import get
 from nsbench.studies.plateau.scenes import find_scene
 from nsbench.studies.runs.finished_run import USABLE
@@ -23,7 +24,7 @@ METHODS = ("pbd", "catching_up")
 TARGETS = (1e-2, 1e-3, 1e-4, 1e-6)
 LARGE = 300  # discs beyond which the run is SHORT
 SHORT = np.linspace(0.0, 0.25, 4)
-HUGE = 5000  # discs beyond which the run is VERY_SHORT and catching-up extrapolated its truth
+HUGE = 5000  # discs beyond which the run is VERY_SHORT
 VERY_SHORT = np.linspace(0.0, 0.1, 3)
 SAME_STEP = 16  # steps per sample at which the two are compared step by step
 ROUNDS = 5
@@ -52,11 +53,11 @@ def measure_scene(key: str, budget: float) -> dict:
     """Measure both methods on a scene; budget: seconds of runs of each method.
 
     key: a number of discs, or the key of a scene. Returns rows of all runs with errors, seconds
-    and counted work, the ratio of one step, and what is known of the true solution.
+    and counted work, the ratio of one step, and what is known of the true solution. Raises
+    ArithmeticError where the witness of the latter (_confirm) contradicts it.
     """
     case = find_discs(int(key)) if key.isdigit() else find_scene(key)
-    huge = key.isdigit() and int(key) > HUGE
-    truth = extrapolate(case) if huge else find_truth(case)
+    truth = find_truth(case)
     found = [pair for m in METHODS for pair in _descend(case, m, truth, budget)]
     rounds = [clock.FEWEST if row["seconds"] < clock.LONG else 1 for row, _ in found]
     times = clock.in_rounds([run for _, run in found], rounds, lambda i: None)
@@ -73,7 +74,25 @@ def measure_scene(key: str, budget: float) -> dict:
         "step_ratio": _compare_steps(case),
         "truth": truth.kind,
         "truth_error": truth.state_error,
+        "witness": _confirm(case, truth) if key.isdigit() and int(key) > LARGE else None,
     }
+
+
+def _confirm(case: Case, truth: Reference) -> dict:
+    """Compare the truth of many discs with one that shares nothing with it but the case.
+
+    That is catching-up extrapolated from three steps, which follows no events. Returns how it was
+    made, its distance from the truth and its own bound; raises ArithmeticError where the distance
+    is larger than both bounds together.
+    """
+    other = extrapolate(case)
+    distance = float(np.abs(other.x - truth.x).max())
+    if distance > truth.state_error + other.state_error:
+        raise ArithmeticError(
+            f"{case.key}: {truth.how} and {other.how} differ by {distance:g}, more than their "
+            f"bounds {truth.state_error:g} and {other.state_error:g}"
+        )
+    return {"how": other.how, "distance": distance, "bound": other.state_error}
 
 
 def _descend(case: Case, method: str, truth, budget: float) -> list[tuple[dict, object]]:

@@ -158,9 +158,22 @@ def _evidence(discs, scenes, model, references) -> tuple[str, ...]:
         *(_say_profile(scenes, target) for target in costs.TARGETS[1:2]),
         *map(_say_model, model),
         _say_references(references),
+        *_say_witnesses(scenes),
         "Seconds are of this machine and of compiled loops of the same kind; ratios come from "
         "interleaved rounds, those of one step with quartiles in the table.",
     )
+
+
+def _say_witnesses(scenes: list[dict]) -> list[str]:
+    """Say how far the truths of many discs are from what confirms them."""
+    number = lambda value: format_number(value, 2)
+    return [
+        f"The true solution of {e['scene']} discs is known to {number(e['truth_error'])}; "
+        f"{e['witness']['how']} is {number(e['witness']['distance'])} away from it, within its own "
+        f"bound {number(e['witness']['bound'])}."
+        for e in scenes
+        if e["witness"]
+    ]
 
 
 def _say_crossover(scenes: list[dict]) -> str:
