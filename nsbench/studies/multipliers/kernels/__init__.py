@@ -1,0 +1,1 @@
+"""Compiled loop of position-based dynamics with accumulated multipliers."""

@@ -1,0 +1,169 @@
+"""Time loop of position-based dynamics with accumulated multipliers: projected Gauss-Seidel.
+
+A projection on constraint k adds m to its accumulated impulse c_k and m grad g_k to the state,
+
+    m = max(-g_k / |grad g_k|^2, least),    least = -c_k or 0,
+
+so that c_k <- max(0, c_k - g_k / |grad g_k|^2) in the first case: what an earlier sweep or the
+start gave too much is taken back. In the second a projection only pushes, as that of PBD.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from nsbench.compilation.borrowed_arrays import borrowed
+from nsbench.compilation.decorators import inner_kernel, njit
+from nsbench.dynamics.contacts.kernels.contact_arrays import PAIR, ROW
+from nsbench.dynamics.contacts.kernels.impulse_records import flush
+from nsbench.solvers.common.kernels.step_code import StepCode, all_finite
+from nsbench.solvers.pbd.kernels.loop_result import LoopResult
+
+
+@inner_kernel
+def _push_along_row(r, m, rows, out):
+    """Add m times the gradient of the affine row r to out (n,)."""
+    for e in range(rows.ptr[r], rows.ptr[r + 1]):
+        out[rows.cols[e]] += m * rows.vals[e]
+
+
+@inner_kernel
+def _offset(kind, p, q, c, x, anchors):
+    """Return coordinate c of particle p relative to particle or anchor q."""
+    return x[p + c] - (x[q + c] if kind == PAIR else anchors[q + c])
+
+
+@inner_kernel
+def _distance(kind, p, q, dim, x, anchors):
+    """Return the distance of particle p from particle or anchor q."""
+    s = 0.0
+    for c in range(dim):
+        s += _offset(kind, p, q, c, x, anchors) ** 2
+    return np.sqrt(s)
+
+
+@inner_kernel
+def _push_along_distance(kind, p, q, sign, dim, m, r, x, anchors, out):
+    """Add m times the gradient at x (n,) of the distance r to out (n,), which may be x.
+
+    The gradient of a distance of zero is the first axis.
+    """
+    for c in range(dim):
+        if r > 0.0:
+            e = sign * m * (_offset(kind, p, q, c, x, anchors) / r)
+        else:
+            e = sign * m if c == 0 else 0.0
+        out[p + c] += e
+        if kind == PAIR:
+            out[q + c] -= e
+
+
+@inner_kernel
+def _correct(k, least, lists, x, rows, b, anchors):
+    """Project x (n,) on constraint k; returns m >= least, and whether centres coincide."""
+    kind = lists.kind[k]
+    p = lists.p[k]
+    if kind == ROW:
+        g = b[p]
+        for e in range(rows.ptr[p], rows.ptr[p + 1]):
+            g += rows.vals[e] * x[rows.cols[e]]
+        m = max(-g * rows.inv2[p], least)
+        if m != 0.0:
+            _push_along_row(p, m, rows, x)
+        return m, False
+    q = lists.q[k]
+    sign = lists.sign[k]
+    dim = lists.dim[k]
+    r = _distance(kind, p, q, dim, x, anchors)
+    g = sign * (r - lists.d[k])
+    # |grad g|^2 is 2 for a pair, as both particles move
+    m = max(-0.5 * g if kind == PAIR else -g, least)
+    if m != 0.0:
+        _push_along_distance(kind, p, q, sign, dim, m, r, x, anchors, x)
+    return m, m != 0.0 and r == 0.0
+
+
+@njit(cache=True)
+def march(
+    f, b_of, a_of, moving, t, substeps, sweeps, is_kept, is_taken_back, x, lists, rows, b, anchors
+) -> LoopResult:
+    """Integrate from x (n,) by Euler steps, a start by kept impulses, and sweeps.
+
+    is_kept: the accumulated impulses of a step start the next one, scaled by the ratio of their
+    lengths; else a step starts from zero. is_taken_back: least = -c_k, else 0. The rest as in
+    nsbench.solvers.pbd.kernels.listed_loop.march. An application of a kept impulse counts as a
+    projection.
+    """
+    lists = borrowed(lists)
+    rows = borrowed(rows)
+    K = t.size
+    m = lists.kind.size
+    X = np.full((K, x.size), np.nan)
+    R = np.full((K, x.size), np.nan)
+    x = x.copy()
+    reac = np.zeros(x.size)
+    v = np.empty(x.size)
+    c = np.zeros(m)  # accumulated impulses of the step
+    mu = np.zeros(m)  # their sum since the last sample
+    ids = np.empty((4 * m + 16, 4), np.int64)
+    values = np.empty(4 * m + 16)
+    count = 0
+    X[0] = x
+    R[0] = reac
+    work = 0
+    code = StepCode.OK
+    last = 0.0
+    for k in range(K - 1):
+        h = (t[k + 1] - t[k]) / substeps[k]
+        ratio = h / last if is_kept and last > 0.0 else 0.0
+        for s in range(substeps[k]):
+            now = t[k] + s * h
+            f(now, x, v)
+            for i in range(x.size):
+                x[i] += h * v[i]
+                v[i] = x[i]
+            if not all_finite(x):
+                return LoopResult(
+                    X, R, ids[:count], values[:count], work, StepCode.NAN, now, -1, -1
+                )
+            if moving:
+                after = t[k + 1] if s + 1 == substeps[k] else t[k] + (s + 1) * h
+                b_of(after, b)
+                a_of(after, anchors)
+            # Warm start: kept impulses along the gradients of the predicted state v.
+            for e in range(m):
+                c[e] *= ratio
+                if c[e] == 0.0:
+                    continue
+                work += 1
+                p = lists.p[e]
+                if lists.kind[e] == ROW:
+                    _push_along_row(p, c[e], rows, x)
+                else:
+                    q = lists.q[e]
+                    dim = lists.dim[e]
+                    r = _distance(lists.kind[e], p, q, dim, v, anchors)
+                    _push_along_distance(
+                        lists.kind[e], p, q, lists.sign[e], dim, c[e], r, v, anchors, x
+                    )
+            # Projected Gauss-Seidel: each correction starts from where the last one left x.
+            for _ in range(sweeps):
+                for e in range(m):
+                    least = -c[e] if is_taken_back else 0.0
+                    done, tied = _correct(e, least, lists, x, rows, b, anchors)
+                    if done != 0.0:
+                        work += 1
+                        # to the bit zero where all of it was taken back
+                        c[e] = c[e] + done if done != -c[e] else 0.0
+                    if tied:
+                        code = StepCode.TIED
+            for e in range(m):
+                mu[e] += c[e]
+            for i in range(x.size):
+                reac[i] += x[i] - v[i]
+            last = h
+            ratio = 1.0 if is_kept else 0.0
+        X[k + 1] = x
+        R[k + 1] = reac
+        ids, values, count = flush(k + 1, mu, lists.family, lists.i, lists.j, ids, values, count)
+    return LoopResult(X, R, ids[:count], values[:count], work, code, t[K - 1], -1, -1)
