@@ -55,14 +55,12 @@ def constraint_keys(
 ) -> np.ndarray:
     """Return the keys (m,) of all constraints listed in `near`, hard pairs among them.
 
-    In the orders "cell" and "coloured" hard pairs have keys by the numbers of their particles.
+    Hard pairs have keys by the numbers of their particles, as in the compiled loops.
     """
     from nsbench.dynamics.contacts.kernels.constraint_order import static_keys, sweep_key
 
     number = order_number(order)
     keys = static_keys(near.family, number, seed)
-    if order not in ("cell", "coloured"):
-        return keys
     ranks = hard_ranks(scene, order, x0)
     at = 0
     for k, _, m in scene.hard:

@@ -13,36 +13,37 @@ from __future__ import annotations
 import numpy as np
 
 from nsbench.compilation.borrowed_arrays import borrowed
-from nsbench.compilation.decorators import inner_kernel, njit
+from nsbench.compilation.decorators import fused_kernel, njit
 from nsbench.dynamics.contacts.kernels.contact_arrays import PAIR, ROW
 from nsbench.dynamics.contacts.kernels.impulse_records import flush
 from nsbench.solvers.common.kernels.step_code import StepCode, all_finite
 from nsbench.solvers.pbd.kernels.loop_result import LoopResult
 
 
-@inner_kernel
+@fused_kernel
 def _push_along_row(r, m, rows, out):
     """Add m times the gradient of the affine row r to out (n,)."""
     for e in range(rows.ptr[r], rows.ptr[r + 1]):
         out[rows.cols[e]] += m * rows.vals[e]
 
 
-@inner_kernel
+@fused_kernel
 def _offset(kind, p, q, c, x, anchors):
     """Return coordinate c of particle p relative to particle or anchor q."""
     return x[p + c] - (x[q + c] if kind == PAIR else anchors[q + c])
 
 
-@inner_kernel
-def _distance(kind, p, q, dim, x, anchors):
-    """Return the distance of particle p from particle or anchor q."""
+@fused_kernel
+def _squared_distance(kind, p, q, dim, x, anchors):
+    """Return the squared distance of particle p from particle or anchor q."""
     s = 0.0
     for c in range(dim):
-        s += _offset(kind, p, q, c, x, anchors) ** 2
-    return np.sqrt(s)
+        e = _offset(kind, p, q, c, x, anchors)
+        s += e * e
+    return s
 
 
-@inner_kernel
+@fused_kernel
 def _push_along_distance(kind, p, q, sign, dim, m, r, x, anchors, out):
     """Add m times the gradient at x (n,) of the distance r to out (n,), which may be x.
 
@@ -58,7 +59,7 @@ def _push_along_distance(kind, p, q, sign, dim, m, r, x, anchors, out):
             out[q + c] -= e
 
 
-@inner_kernel
+@fused_kernel
 def _correct(k, least, lists, x, rows, b, anchors):
     """Project x (n,) on constraint k; returns m >= least, and whether centres coincide."""
     kind = lists.kind[k]
@@ -74,8 +75,13 @@ def _correct(k, least, lists, x, rows, b, anchors):
     q = lists.q[k]
     sign = lists.sign[k]
     dim = lists.dim[k]
-    r = _distance(kind, p, q, dim, x, anchors)
-    g = sign * (r - lists.d[k])
+    d = lists.d[k]
+    s = _squared_distance(kind, p, q, dim, x, anchors)
+    # most pairs carry nothing and are open, and need no square root
+    if least == 0.0 and (sign > 0.0) == (s >= d * d):
+        return 0.0, False
+    r = np.sqrt(s)
+    g = sign * (r - d)
     # |grad g|^2 is 2 for a pair, as both particles move
     m = max(-0.5 * g if kind == PAIR else -g, least)
     if m != 0.0:
@@ -142,7 +148,7 @@ def march(
                 else:
                     q = lists.q[e]
                     dim = lists.dim[e]
-                    r = _distance(lists.kind[e], p, q, dim, v, anchors)
+                    r = np.sqrt(_squared_distance(lists.kind[e], p, q, dim, v, anchors))
                     _push_along_distance(
                         lists.kind[e], p, q, lists.sign[e], dim, c[e], r, v, anchors, x
                     )
