@@ -3,15 +3,24 @@
 from __future__ import annotations
 
 from nsbench.report.style import format_number
-from nsbench.studies.curves import Curve, Panel, draw_panels
-from nsbench.studies.finding import Effort, EvidenceFigure, EvidenceTable, Finding
+from nsbench.studies.finding import Effort, Finding
 from nsbench.studies.multipliers.effectivity import measure_bars
-from nsbench.studies.multipliers.equal_cost import SWEEPS, best_division, spend
+from nsbench.studies.multipliers.equal_cost import KEPT, ZERO, best_division, spend
+from nsbench.studies.multipliers.figures import settling_figure
 from nsbench.studies.multipliers.settling import (
     TOLERANCE,
     fit_growth,
     follow_column,
     follow_events,
+    follow_pile,
+    last_right,
+)
+from nsbench.studies.multipliers.tables import (
+    bars_table,
+    columns_table,
+    costs_table,
+    events_table,
+    piles_table,
 )
 from nsbench.studies.parts import Part
 from nsbench.studies.registry import find_study
@@ -22,15 +31,19 @@ COLUMN_METHODS = (
     "pbd[order=reverse]",
     "pbd[order=random,seed=1]",
     "pbd[sweeps=4]",
+    "warm pbd",
+    "warm pbd[sweeps=4]",
     "catching_up",
 )
+PILES = ((3, 6, 12), (3, 6, 12, 24))  # rows
+PILE_METHODS = ("pbd", "pbd[order=reverse]", "pbd[sweeps=4]", "warm pbd", "warm pbd[sweeps=4]")
 EVENT_CASES = (
     "tide",
     "wedge[psi=60.0,swell=0.5]",
     "rods_wall[n=5,swell=0.5]",
     "chain[growth=1.0]",
 )
-EVENT_METHODS = ("pbd", "pbd[order=reverse]", "pbd[sweeps=4]", "catching_up")
+EVENT_METHODS = ("pbd", "pbd[order=reverse]", "pbd[sweeps=4]", "warm pbd", "catching_up")
 DIVISORS = (64, 256)  # steps in a sample interval: a number of steps must not depend on them
 COST_CASES = (
     ("rods_wall[n=10]", "stack[n=10]", "discs[n=10,seed=0]", "hex[n=7]", "chain[growth=1.0]"),
@@ -47,41 +60,47 @@ BAR_DIVISORS = ((2, 8), (2, 8, 32))
 PROVEN = "bound"
 REFUTATION = (
     "A proven bound below an error at some sample; a multiplier of a column that settles in a "
-    "number of steps that does not grow like the square of its height under single sweeps."
+    "number of steps that does not grow like the square of its height under single sweeps, from zero "
+    "or from kept multipliers."
 )
 
 
 def conduct(effort: Effort) -> Finding:
     """Conduct the study. Raises ArithmeticError where a proven bound is below an error."""
     columns = _settle_columns(effort)
+    piles = _settle_piles(effort)
     events = _settle_events(effort)
     costs = _divide_costs(effort)
     bars = _measure_bars(effort)
     for row in bars:
         if row["kind"] == PROVEN and row["least"] < 1.0:
             raise ArithmeticError(f"a bound below an error: {row}")
-    growth = {
-        m: fit_growth([c for c in columns if c["method"] == m])
-        for m in COLUMN_METHODS
-        if sum(bool(c["steps"][-1]) for c in columns if c["method"] == m) > 2
-    }
+    growth = _growths(columns)
+    pile_growth = _growths(piles)
     return Finding(
         name="multipliers",
         question=find_study("multipliers").question,
         answer=_answer(columns, growth, events, costs),
-        evidence=_evidence(growth, events, costs, bars),
+        evidence=(
+            *_evidence(growth, events, costs, bars),
+            *_warm_evidence(columns, growth, costs),
+            _pile_evidence(piles, pile_growth),
+        ),
         refutation=REFUTATION,
         command=f"nsbench study multipliers{' --full' * effort.full}",
         tables=(
-            _columns_table(columns, growth),
-            _events_table(events),
-            _costs_table(costs),
-            _bars_table(bars),
+            columns_table(columns, growth),
+            piles_table(piles, pile_growth),
+            events_table(events),
+            costs_table(costs),
+            bars_table(bars),
         ),
-        figures=_figures(columns, costs),
+        figures=(settling_figure(columns, piles, growth, _by_case(costs)),),
         data={
             "columns": columns,
             "growth": growth,
+            "piles": piles,
+            "pile_growth": pile_growth,
             "events": events,
             "equal_cost": costs,
             "bars": bars,
@@ -102,6 +121,29 @@ def _settle_columns(effort: Effort) -> list[dict]:
             for n in COLUMNS[effort.full]
         ]
     )
+
+
+def _settle_piles(effort: Effort) -> list[dict]:
+    return effort.parts(
+        [
+            Part(
+                f"pile {rows} {method}",
+                f"multipliers: a pile of {rows} rows, {method}",
+                follow_pile,
+                (rows, method),
+            )
+            for method in PILE_METHODS
+            for rows in PILES[effort.full]
+        ]
+    )
+
+
+def _growths(found: list[dict]) -> dict[str, dict]:
+    """Fit the growth of steps with the size for each method with three known ones or more."""
+    groups: dict[str, list[dict]] = {}
+    for f in found:
+        groups.setdefault(f["method"], []).append(f)
+    return {m: fit_growth(g) for m, g in groups.items() if sum(map(bool, map(last_right, g))) > 2}
 
 
 def _settle_events(effort: Effort) -> list[dict]:
@@ -162,6 +204,10 @@ def _answer(columns, growth, events, costs) -> str:
     late = [e for e in events if e["method"] == "pbd" and e["steps"] is not None]
     slow = max(late, key=lambda e: e["steps"])
     wins = sum(best_division(g, "state")["sweeps"] == 1 for g in _by_case(costs))
+    ratios = [
+        best_division(g, "state", KEPT)["state"] / best_division(g, "state")["state"]
+        for g in _by_case(costs)
+    ]
     interval = f"[{single['low']:.3f}, {single['high']:.3f}]"
     return (
         f"Under one sweep per step the load of a column of n discs is right to "
@@ -170,7 +216,9 @@ def _answer(columns, growth, events, costs) -> str:
         f"after {_span(more['over_square'])} n^2, under catching-up after "
         f"{at_once} steps; after an event of the other cases it takes up to {slow['steps']} steps "
         f"({slow['case']}); at equal cost one sweep with short steps has the smallest state error "
-        f"on {wins} of {len(_by_case(costs))} cases."
+        f"on {wins} of {len(_by_case(costs))} cases without warm starts. With them the floor is "
+        f"right after {_span(growth['warm pbd']['over_square'])} n^2 steps, and the state error at "
+        f"equal cost is {_span(ratios)} of that of the best division without them."
     )
 
 
@@ -191,8 +239,7 @@ def _evidence(growth, events, costs, bars) -> tuple[str, ...]:
     gains = []
     for group in _by_case(costs):
         best = best_division(group, "state")
-        plain = next(r for r in group if r["sweeps"] == 1 and r["order"] == "sorted")
-        gain = format_number(plain["state"] / best["state"], 2)
+        gain = format_number(_plain(group)["state"] / best["state"], 2)
         gains.append(f"{best['case']} {best['sweeps']} sweeps, {best['order']} ({gain})")
     said = []
     for kind in (PROVEN, "estimate"):
@@ -212,6 +259,60 @@ def _evidence(growth, events, costs, bars) -> tuple[str, ...]:
     )
 
 
+def _plain(group: list[dict]) -> dict:
+    """Return the row of one sorted sweep from zero."""
+    return next(
+        r for r in group if r["start"] == ZERO and r["sweeps"] == 1 and r["order"] == "sorted"
+    )
+
+
+def _warm_evidence(columns, growth, costs) -> tuple[str, ...]:
+    gains = []
+    for group in _by_case(costs):
+        plain = _plain(group)
+        best = best_division(group, "state")
+        warm = best_division(group, "state", KEPT)
+        reaction = best_division(group, "reaction", KEPT)["reaction"]
+        numbers = (
+            plain["state"] / warm["state"],
+            best["state"] / warm["state"],
+            plain["reaction"] / reaction,
+        )
+        one, any_, push = (format_number(v, 2) for v in numbers)
+        gains.append(f"{warm['case']} {one}, {any_}, {push} ({warm['sweeps']} sweeps)")
+    costs_of = {
+        "one sweep": growth["pbd"]["over_square"],
+        "a kept start and one sweep": [2.0 * v for v in growth["warm pbd"]["over_square"]],
+    }
+    said = ", ".join(f"{_span(v)} n^2 under {name}" for name, v in costs_of.items())
+    first = [c for c in columns if c["method"] == "warm pbd" and c["arrived"]]
+    speeds = [c["n"] / c["arrived"] for c in first]
+    peaks = [c["peak"] for c in first]
+    return (
+        f"Warm starts turn the spreading into a damped wave: the load of a column reaches the "
+        f"floor at {_span(speeds)} discs per step, passes its own value by a factor of up to "
+        f"{format_number(max(peaks), 3)} and swings. In sweeps, of which a kept start counts as "
+        f"one, the floor is right after {said}.",
+        f"Gain of warm starts at equal cost over one sorted sweep and over the best division "
+        f"without them, in the state, and over one sorted sweep in the reaction: "
+        f"{'; '.join(gains)}.",
+    )
+
+
+def _pile_evidence(piles, growth) -> str:
+    said = []
+    for method in (m for m in PILE_METHODS if m in growth):
+        own = [p for p in piles if p["method"] == method]
+        over = _span(growth[method]["over_square"])
+        power = format_number(growth[method]["power"], 3)
+        first = own[-1]["arrived"]
+        said.append(f"{method} {over} n^2 (power {power}; first at the floor after {first})")
+    return (
+        f"Reactions in a pile of n rows are right after {'; '.join(said)}: the counts in brackets "
+        f"are those of {piles[-1]['n']} rows."
+    )
+
+
 def _largest_change(events: list[dict]) -> int:
     """Return by how much the steps after one event differ between the step sizes."""
     groups: dict[tuple, list[int]] = {}
@@ -219,119 +320,3 @@ def _largest_change(events: list[dict]) -> int:
         if e["steps"] is not None:
             groups.setdefault((e["case"], e["method"], e["event"]), []).append(e["steps"])
     return max((max(g) - min(g) for g in groups.values()), default=0)
-
-
-def _columns_table(columns, growth) -> EvidenceTable:
-    rows = []
-    for c in columns:
-        floor = c["steps"][-1]
-        middle = c["steps"][len(c["steps"]) // 2]
-        found = growth.get(c["method"], {})
-        rows.append(
-            (
-                c["n"],
-                c["method"],
-                c["steps"][0],
-                middle,
-                floor,
-                floor / c["n"] ** 2 if floor is not None else None,
-                found.get("power"),
-            )
-        )
-    return EvidenceTable(
-        "columns",
-        "Steps until the multipliers of a column at rest are right",
-        (
-            "discs",
-            "method",
-            "topmost contact",
-            "middle contact",
-            "floor",
-            "floor over n^2",
-            "power of n",
-        ),
-        tuple(rows),
-        f"Right: within {100 * TOLERANCE:.0f} % of its own load from then on. All discs touch at "
-        "the start; gravity sets in at once. 0: right in the first step.",
-    )
-
-
-def _events_table(events) -> EvidenceTable:
-    return EvidenceTable(
-        "events",
-        "Steps after an event until all multipliers are right",
-        ("case", "method", "h", "event at t", "steps", "steps to the next event"),
-        tuple(
-            (e["case"], e["method"], e["h"], e["event"], e["steps"], e["available"])
-            for e in events
-        ),
-        f"Right: within {100 * TOLERANCE:.0f} % of the largest multiplier until the next event. "
-        "None: not before it.",
-    )
-
-
-def _costs_table(costs) -> EvidenceTable:
-    return EvidenceTable(
-        "equal-cost",
-        "Steps or sweeps at equal cost",
-        ("case", "order", "sweeps", "h", "projections", "state error", "reaction error"),
-        tuple(
-            (
-                r["case"],
-                r["order"],
-                r["sweeps"],
-                r["h"],
-                r.get("projections"),
-                r["state"],
-                r["reaction"],
-            )
-            for r in costs
-        ),
-        "The product of steps and sweeps is the same in all rows of a case; one permutation stands "
-        "for the random orders.",
-    )
-
-
-def _bars_table(bars) -> EvidenceTable:
-    return EvidenceTable(
-        "effectivity",
-        "Effectivity of error bars",
-        ("case", "method", "h", "kind", "state", "reaction", "least ratio at a sample"),
-        tuple(
-            (r["case"], r["method"], r["h"], r["kind"], r["state"], r["reaction"], r["least"])
-            for r in bars
-        ),
-        "Largest error bar over the largest error. Bounds are proven, estimates are not. Runs "
-        "without an error to compare with are left out.",
-    )
-
-
-def _figures(columns, costs) -> tuple[EvidenceFigure, ...]:
-    curves = []
-    for method in COLUMN_METHODS:
-        own = [c for c in columns if c["method"] == method]
-        curves.append(Curve(method, [c["n"] for c in own], [c["steps"][-1] for c in own]))
-    sizes = [c["n"] for c in columns if c["method"] == "pbd"]
-    curves.append(Curve("1.78 n^2", sizes, [1.78 * n**2 for n in sizes], guide=True))
-    panels = [Panel("column of discs", tuple(curves), "discs", "steps until the floor is right")]
-    for group in _by_case(costs):
-        orders = dict.fromkeys(r["order"] for r in group)
-        panels.append(
-            Panel(
-                group[0]["case"],
-                tuple(
-                    Curve(o, list(SWEEPS), [r["state"] for r in group if r["order"] == o])
-                    for o in orders
-                ),
-                "sweeps per step, at equal cost",
-                "largest state error",
-            )
-        )
-    return (
-        EvidenceFigure(
-            "settling",
-            "Steps until the load of a column has reached its floor; state error over the number "
-            "of sweeps when steps are as many times longer.",
-            draw_panels(panels, columns=3),
-        ),
-    )
