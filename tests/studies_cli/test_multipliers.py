@@ -7,7 +7,14 @@ import nsbench
 from nsbench.studies.finding import Effort
 from nsbench.studies.multipliers import study
 from nsbench.studies.multipliers.effectivity import measure_bars
-from nsbench.studies.multipliers.equal_cost import ORDERS, SWEEPS, best_division, spend
+from nsbench.studies.multipliers.equal_cost import (
+    KEPT,
+    ORDERS,
+    SWEEPS,
+    WARM_SWEEPS,
+    best_division,
+    spend,
+)
 from nsbench.studies.multipliers.settling import (
     fit_growth,
     follow_column,
@@ -57,11 +64,15 @@ def test_steps_after_an_event_do_not_depend_on_the_step():
 
 def test_the_cost_is_kept_when_sweeps_take_the_place_of_steps():
     rows = spend("rods_wall[n=3]", 32)
-    assert len(rows) == len(ORDERS) * len(SWEEPS)
+    assert len(rows) == len(ORDERS) * (len(SWEEPS) + len(WARM_SWEEPS))
     spacing = 0.1
-    assert all(r["h"] == pytest.approx(r["sweeps"] * spacing / 32) for r in rows)
-    best = best_division(rows, "state")
-    assert best["state"] == min(r["state"] for r in rows)
+    for r in rows:
+        cost = r["sweeps"] + (r["start"] == KEPT)
+        assert r["h"] == pytest.approx(cost * spacing / 32)
+    for start in ("zero", "kept"):
+        best = best_division(rows, "state", start)
+        assert best["state"] == min(r["state"] for r in rows if r["start"] == start)
+        assert best["end"] <= best["state"]
 
 
 def test_error_bars_are_compared_with_errors_that_are_known():
@@ -73,6 +84,7 @@ def test_error_bars_are_compared_with_errors_that_are_known():
 
 def test_a_bound_below_an_error_is_a_contradiction(monkeypatch):
     monkeypatch.setattr(study, "_settle_columns", lambda effort: [])
+    monkeypatch.setattr(study, "_settle_piles", lambda effort: [])
     monkeypatch.setattr(study, "_settle_events", lambda effort: [])
     monkeypatch.setattr(study, "_divide_costs", lambda effort: [])
     bars = [{"kind": "bound", "least": 0.99, "case": "tide"}]
@@ -84,6 +96,7 @@ def test_a_bound_below_an_error_is_a_contradiction(monkeypatch):
 @pytest.mark.long
 def test_the_study_in_a_tiny_form(monkeypatch):
     monkeypatch.setattr(study, "COLUMNS", ((3, 5, 7), ()))
+    monkeypatch.setattr(study, "PILES", ((2, 3, 4), ()))
     monkeypatch.setattr(study, "EVENT_CASES", ("rods_wall[n=3]",))
     monkeypatch.setattr(study, "DIVISORS", (64,))
     monkeypatch.setattr(study, "COST_CASES", (("rods_wall[n=3]",), ()))
@@ -91,4 +104,6 @@ def test_the_study_in_a_tiny_form(monkeypatch):
     monkeypatch.setattr(study, "BAR_CASES", (("tide",), ()))
     finding = study.conduct(Effort(False, PartJournal(None), lambda line: None))
     assert "n^2 steps (power 2.0" in finding.answer or "n^2 steps (power 1.9" in finding.answer
-    assert {t.key for t in finding.tables} == {"columns", "events", "equal-cost", "effectivity"}
+    keys = {"columns", "piles", "events", "equal-cost", "effectivity"}
+    assert {t.key for t in finding.tables} == keys
+    assert any("warm pbd" in e for e in finding.evidence)

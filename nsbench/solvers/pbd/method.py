@@ -22,7 +22,8 @@ A change of the projection is made in all of these places; tests compare their b
 
 Copies that follow none of these, as they are for something else: the baseline kdtree
 (kdtree/kernels/pair_sweep.py, kdtree/method._jacobi), the study of chains
-(studies/chain/large_steps.project_pair), and the linearised sweep (studies/packings/linear_sweep).
+(studies/chain/large_steps.project_pair), the linearised sweep (studies/packings/linear_sweep), and
+the sweep that takes impulses back (studies/multipliers/kernels/accumulated_loop).
 """
 
 from __future__ import annotations

@@ -8,6 +8,8 @@ from nsbench.studies.finding import EvidenceFigure
 from nsbench.studies.multipliers.equal_cost import KEPT, ZERO
 from nsbench.studies.multipliers.settling import last_right
 
+WARM_ORDER = "sorted"
+
 
 def settling_figure(
     columns: list[dict], piles: list[dict], growth: dict[str, dict], costs: list[list[dict]]
@@ -42,12 +44,13 @@ def _growth_panel(title, found, guide, x_label, y_label) -> Panel:
 
 
 def _cost_panel(group: list[dict]) -> Panel:
+    # from kept multipliers the orders are alike: one of them stands for all
+    drawn = [(ZERO, order) for order in dict.fromkeys(r["order"] for r in group)]
     curves = []
-    for start in (ZERO, KEPT):
-        for order in dict.fromkeys(r["order"] for r in group):
-            own = [r for r in group if r["order"] == order and r["start"] == start]
-            name = f"{order}, warm" if start == KEPT else order
-            curves.append(Curve(name, [r["sweeps"] for r in own], [r["state"] for r in own]))
+    for start, order in [*drawn, (KEPT, WARM_ORDER)]:
+        own = [r for r in group if r["order"] == order and r["start"] == start]
+        name = f"{order}, warm" if start == KEPT else order
+        curves.append(Curve(name, [r["sweeps"] for r in own], [r["state"] for r in own]))
     return Panel(
         group[0]["case"], tuple(curves), "sweeps per step, at equal cost", "largest state error"
     )

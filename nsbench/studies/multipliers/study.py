@@ -60,8 +60,8 @@ BAR_DIVISORS = ((2, 8), (2, 8, 32))
 PROVEN = "bound"
 REFUTATION = (
     "A proven bound below an error at some sample; a multiplier of a column that settles in a "
-    "number of steps that does not grow like the square of its height under single sweeps, from zero "
-    "or from kept multipliers."
+    "number of steps that does not grow like the square of its height under single sweeps, from "
+    "zero or from kept multipliers."
 )
 
 
@@ -286,13 +286,12 @@ def _warm_evidence(columns, growth, costs) -> tuple[str, ...]:
     }
     said = ", ".join(f"{_span(v)} n^2 under {name}" for name, v in costs_of.items())
     first = [c for c in columns if c["method"] == "warm pbd" and c["arrived"]]
-    speeds = [c["n"] / c["arrived"] for c in first]
+    arrivals = [c["arrived"] / c["n"] for c in first]
     peaks = [c["peak"] for c in first]
     return (
-        f"Warm starts turn the spreading into a damped wave: the load of a column reaches the "
-        f"floor at {_span(speeds)} discs per step, passes its own value by a factor of up to "
-        f"{format_number(max(peaks), 3)} and swings. In sweeps, of which a kept start counts as "
-        f"one, the floor is right after {said}.",
+        f"Under one sweep with warm starts the load of a column first reaches the floor after "
+        f"{_span(arrivals)} n steps and rises there to {_span(peaks)} times its value. In sweeps, "
+        f"of which a kept start counts as one, the floor is right after {said}.",
         f"Gain of warm starts at equal cost over one sorted sweep and over the best division "
         f"without them, in the state, and over one sorted sweep in the reaction: "
         f"{'; '.join(gains)}.",

@@ -42,9 +42,9 @@ def columns_table(columns: list[dict], growth: dict[str, dict]) -> EvidenceTable
         ),
         tuple(rows),
         f"Right: within {100 * TOLERANCE:.0f} % of its own load from then on. All discs touch at "
-        "the start; gravity sets in at once. 0: right in the first step. First: steps until that load "
-        "is reached, for good or not; highest: over its own. Warm: the multipliers of a step start "
-        "the next one.",
+        "the start; gravity sets in at once. 0: right in the first step. First: steps until that "
+        "load is reached, for good or not; highest: over its own. Warm: the multipliers of a step "
+        "start the next one.",
     )
 
 

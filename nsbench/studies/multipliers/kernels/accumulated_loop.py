@@ -89,23 +89,61 @@ def _correct(k, least, lists, x, rows, b, anchors):
     return m, m != 0.0 and r == 0.0
 
 
+@fused_kernel
+def _start(c, ratio, lists, v, rows, anchors, x):
+    """Scale the impulses c (m,) and add them to x (n,), along the gradients at v (n,).
+
+    Returns how many there are.
+    """
+    pushed = 0
+    for k in range(c.size):
+        c[k] *= ratio
+        if c[k] == 0.0:
+            continue
+        pushed += 1
+        p = lists.p[k]
+        kind = lists.kind[k]
+        if kind == ROW:
+            _push_along_row(p, c[k], rows, x)
+            continue
+        q = lists.q[k]
+        dim = lists.dim[k]
+        r = np.sqrt(_squared_distance(kind, p, q, dim, v, anchors))
+        _push_along_distance(kind, p, q, lists.sign[k], dim, c[k], r, v, anchors, x)
+    return pushed
+
+
+@fused_kernel
+def _sweep(c, is_taken_back, lists, x, rows, b, anchors):
+    """Correct the impulses c (m,) once in their order; returns how many changed, and ties."""
+    work = 0
+    tied = False
+    # projected Gauss-Seidel: each correction starts from where the last one left x
+    for k in range(c.size):
+        least = -c[k] if is_taken_back else 0.0
+        m, coincide = _correct(k, least, lists, x, rows, b, anchors)
+        tied = tied or coincide
+        if m != 0.0:
+            work += 1
+            c[k] += m  # zero to the bit where all of it is taken back
+    return work, tied
+
+
 @njit(cache=True)
 def march(
     f, b_of, a_of, moving, t, substeps, sweeps, is_kept, is_taken_back, x, lists, rows, b, anchors
 ) -> LoopResult:
-    """Integrate from x (n,) by Euler steps, a start by kept impulses, and sweeps.
+    """Integrate from x (n,) by Euler steps, each with a start by kept impulses, and sweeps.
 
-    is_kept: the accumulated impulses of a step start the next one, scaled by the ratio of their
-    lengths; else a step starts from zero. is_taken_back: least = -c_k, else 0. The rest as in
-    nsbench.solvers.pbd.kernels.listed_loop.march. An application of a kept impulse counts as a
-    projection.
+    is_kept: the impulses of a step start the next one, scaled by the ratio of their lengths, else
+    zero. is_taken_back: least = -c_k, else 0. The rest as in pbd/kernels/listed_loop.march. An
+    application of a kept impulse counts as a projection.
     """
     lists = borrowed(lists)
     rows = borrowed(rows)
-    K = t.size
     m = lists.kind.size
-    X = np.full((K, x.size), np.nan)
-    R = np.full((K, x.size), np.nan)
+    X = np.full((t.size, x.size), np.nan)
+    R = np.full((t.size, x.size), np.nan)
     x = x.copy()
     reac = np.zeros(x.size)
     v = np.empty(x.size)
@@ -119,7 +157,7 @@ def march(
     work = 0
     code = StepCode.OK
     last = 0.0
-    for k in range(K - 1):
+    for k in range(t.size - 1):
         h = (t[k + 1] - t[k]) / substeps[k]
         ratio = h / last if is_kept and last > 0.0 else 0.0
         for s in range(substeps[k]):
@@ -136,33 +174,12 @@ def march(
                 after = t[k + 1] if s + 1 == substeps[k] else t[k] + (s + 1) * h
                 b_of(after, b)
                 a_of(after, anchors)
-            # Warm start: kept impulses along the gradients of the predicted state v.
-            for e in range(m):
-                c[e] *= ratio
-                if c[e] == 0.0:
-                    continue
-                work += 1
-                p = lists.p[e]
-                if lists.kind[e] == ROW:
-                    _push_along_row(p, c[e], rows, x)
-                else:
-                    q = lists.q[e]
-                    dim = lists.dim[e]
-                    r = np.sqrt(_squared_distance(lists.kind[e], p, q, dim, v, anchors))
-                    _push_along_distance(
-                        lists.kind[e], p, q, lists.sign[e], dim, c[e], r, v, anchors, x
-                    )
-            # Projected Gauss-Seidel: each correction starts from where the last one left x.
+            work += _start(c, ratio, lists, v, rows, anchors, x)
             for _ in range(sweeps):
-                for e in range(m):
-                    least = -c[e] if is_taken_back else 0.0
-                    done, tied = _correct(e, least, lists, x, rows, b, anchors)
-                    if done != 0.0:
-                        work += 1
-                        # to the bit zero where all of it was taken back
-                        c[e] = c[e] + done if done != -c[e] else 0.0
-                    if tied:
-                        code = StepCode.TIED
+                done, tied = _sweep(c, is_taken_back, lists, x, rows, b, anchors)
+                work += done
+                if tied:
+                    code = StepCode.TIED
             for e in range(m):
                 mu[e] += c[e]
             for i in range(x.size):
@@ -172,4 +189,4 @@ def march(
         X[k + 1] = x
         R[k + 1] = reac
         ids, values, count = flush(k + 1, mu, lists.family, lists.i, lists.j, ids, values, count)
-    return LoopResult(X, R, ids[:count], values[:count], work, code, t[K - 1], -1, -1)
+    return LoopResult(X, R, ids[:count], values[:count], work, code, t[t.size - 1], -1, -1)
