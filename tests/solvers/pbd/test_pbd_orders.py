@@ -111,7 +111,7 @@ def test_ranks_number_every_particle_once_row_by_row():
     assert cell_ranks(x.ravel(), 2, 2.0).tolist() == [2, 0, 3, 1, 4]
 
 
-@pytest.mark.parametrize("order", ["cell", "coloured"])
+@pytest.mark.parametrize("order", ["reverse", "random", "cell", "coloured"])
 def test_smooth_scenes_in_the_host_loop_keep_the_order(order):
     def never(xp):
         def g(t, x):
