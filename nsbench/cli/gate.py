@@ -15,7 +15,13 @@ from nsbench.cli.exit_codes import FINE, NOTHING_COMPARED
 def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
     """Compare a folder of results with a baseline: 0 as before, 1 not, 4 too little compared."""
     from nsbench.gate import baseline
-    from nsbench.gate.comparison import compare, exit_code, format_lines, format_summary
+    from nsbench.gate.comparison import (
+        compare,
+        describe_changed_cases,
+        exit_code,
+        format_lines,
+        format_summary,
+    )
     from nsbench.gate.facts import facts
     from nsbench.gate.tolerances import format_tolerances, widest_by_method
     from nsbench.report.data import read
@@ -45,11 +51,14 @@ def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
     lines = baseline.read(path)
     differences = compare(measured, lines)
     code = exit_code(differences)
+    changed_cases = describe_changed_cases(measured, lines)
+    for line in changed_cases:
+        say(line)
     for line in format_tolerances(widest_by_method(measured, lines)):
         say(line)
     for line in format_lines(differences):
         say(line)
-    _append(args.summary, format_summary(differences, code))
+    _append(args.summary, format_summary(differences, code, changed_cases))
     return code
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from nsbench.columns import held_by_gate
@@ -67,10 +68,12 @@ def _compare_line(fact: Fact | None, line: Line, found) -> Difference:
     if fact is None:
         near = [f for k, f in found.items() if k[:2] == line.key[:2]]
         why = (
-            "this method was not run on this case"
-            if not near
-            else "this run does not give it any more"
+            " and ".join(differing_parts(line.config, near[0].config))
+            if near
+            else "this method was not run on this case"
         )
+        if near:
+            why = f"this run{why and f', {why} of another version,'} does not give it any more"
         return Difference("missing", line.key, f"was {format_value(line.value)}; {why}")
     differs = differing_parts(line.config, fact.config)
     if differs:
@@ -112,6 +115,31 @@ def differing_parts(a: str, b: str) -> list[str]:
     return [name for name in dict.fromkeys((*one, *two)) if one.get(name) != two.get(name)]
 
 
+def describe_changed_cases(found: dict[tuple, Fact], baseline: dict[tuple, Line]) -> list[str]:
+    """Say which cases have another digest in the facts than in the baseline, both by key.
+
+    A changed case may give other orders and metrics: its lines are then missing or new.
+    """
+    old, new = (_case_digests(one.values()) for one in (baseline, found))
+    return [
+        f"case {case} has changed since the baseline (digest {', '.join(sorted(was))} -> "
+        f"{', '.join(sorted(new[case]))}): its lines are not comparable, and some may be missing "
+        "or new"
+        for case, was in old.items()
+        if case in new and new[case] != was
+    ]
+
+
+def _case_digests(entries: Iterable[Fact | Line]) -> dict[str, set[str]]:
+    """Return the digests of each case that the configurations of the entries name."""
+    out: dict[str, set[str]] = {}
+    for entry in entries:
+        parts = dict(p.partition("=")[::2] for p in entry.config.split())
+        if "case" in parts:
+            out.setdefault(entry.case, set()).add(parts["case"])
+    return out
+
+
 def exit_code(differences: list[Difference]) -> int:
     """Choose the exit code: 0 all is as it was; 1 something is not, also when it is better (a stale
     baseline hides the way back); 4 too little could be compared (less is held than is not), or one
@@ -150,19 +178,29 @@ def format_lines(differences: list[Difference]) -> list[str]:
     return [*out, count_outcomes(differences)]
 
 
-def format_summary(differences: list[Difference], code: int) -> str:
-    """Format in Markdown the verdict, then a table of what is not as before; code: `exit_code`."""
+def format_summary(
+    differences: list[Difference], code: int, changed_cases: Sequence[str] = ()
+) -> str:
+    """Format in Markdown the verdict, the changed cases, and a table of what is not as before.
+
+    code: `exit_code`; changed_cases: `describe_changed_cases`.
+    """
     verdict = {
         0: "All numbers are as in the baseline.",
         1: "Some numbers are not as in the baseline.",
         4: "Too little could be compared with the baseline.",
     }[code]
-    return format_changes(differences, verdict)
+    return format_changes(differences, verdict, changed_cases)
 
 
-def format_changes(differences: list[Difference], heading: str) -> str:
-    """Format in Markdown a heading, the counts, then a table of what is not as before."""
-    out = [f"### {escape_markdown(heading)}", "", count_outcomes(differences) + ".", ""]
+def format_changes(
+    differences: list[Difference], heading: str, causes: Sequence[str] = ()
+) -> str:
+    """Format in Markdown a heading, causes, the counts, and a table of what is not as before."""
+    out = [f"### {escape_markdown(heading)}", ""]
+    for cause in causes:
+        out += [f"{escape_markdown(cause)}.", ""]
+    out += [count_outcomes(differences) + ".", ""]
     bad = [f for outcome in BAD for f in differences if f.outcome == outcome]
     if bad:
         out += ["| | case | method | at | number | |", "| --- | --- | --- | --- | --- | --- |"]

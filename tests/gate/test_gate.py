@@ -15,6 +15,7 @@ from nsbench.gate.comparison import (
     OUTCOMES,
     compare,
     count_outcomes,
+    describe_changed_cases,
     exit_code,
     format_lines,
     format_summary,
@@ -125,6 +126,25 @@ def test_a_number_is_missing_of_a_run_or_with_the_run():
     ):
         missing = [f for f in compare({other.key: other}, book(FACT)) if f.outcome == "missing"]
         assert len(missing) == 1 and said in missing[0].sentence
+
+
+def test_a_changed_case_is_named_as_the_cause_of_what_is_missing_or_new(tmp_path, capsys):
+    """The table of an edited case may have other rows: then no line's configuration differs."""
+    other = replace(FACT, parameters="h=7", config="case=cc reference=bb")
+    causes = describe_changed_cases({other.key: other}, book(FACT))
+    assert len(causes) == 1 and causes[0].startswith("case tide has changed")
+    assert "(digest aa -> cc)" in causes[0]
+    differences = compare({other.key: other}, book(FACT))
+    assert "this run, case of another version, does not" in differences[0].sentence
+    assert "digest aa -" in format_summary(differences, 4, causes)
+    for same in (replace(other, config=FACT.config), replace(other, case="hex")):
+        assert describe_changed_cases({same.key: same}, book(FACT)) == []
+    base = tmp_path / "base.csv"
+    base.write_text(baseline.text(book(FACT).values()))
+    assert main(["gate", str(study(tmp_path / "a")), "--baseline", str(base)]) == 4
+    said = capsys.readouterr().out.splitlines()
+    assert said[0].startswith("case tide has changed since the baseline (digest aa -> ")
+    assert any(line.startswith("missing: tide pbd h=0.01") for line in said)
 
 
 def test_a_better_number_is_no_pass():
