@@ -11,13 +11,21 @@ from nsbench.source_files.regular_files import exists
 
 
 def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
-    """Write report.html of each folder. Raises FileNotFoundError where there are no results."""
+    """Write report.html of each folder. Raises FileNotFoundError where there are no results.
+
+    Where the last run has written no tables, the report is of the rows that its journal holds.
+    """
     from nsbench.report import write_report
-    from nsbench.results.consistency import check
+    from nsbench.report.data import read_unfinished
+    from nsbench.results.consistency import check, is_unfinished
 
     for folder in map(Path, args.dirs):
-        if not exists(folder / "runs.parquet"):
+        unfinished = is_unfinished(folder)
+        if unfinished:
+            say(f"{folder}: {read_unfinished(folder).missing}")
+        elif not exists(folder / "runs.parquet"):
             raise FileNotFoundError(f"no results in {folder}")
-        check(folder)
-        say(str(write_report(folder, folder / "report.html")))
+        else:
+            check(folder)
+        say(str(write_report(folder, folder / "report.html", unfinished=unfinished)))
     return FINE

@@ -23,6 +23,7 @@ from nsbench.case import parse_spec, size
 from nsbench.compilation.disk_cache import digest, digest_of
 from nsbench.execute import dry_run, extended_ladders
 from nsbench.execute.forecast import work
+from nsbench.execute.notes import dump, write_notes
 from nsbench.execute.progress import EXPECTED_STATUSES, Progress
 from nsbench.execute.workers.pool import Chore, run_all
 from nsbench.reference import build_missing, is_missing, lookup, store_reason, why_missing
@@ -32,7 +33,6 @@ from nsbench.results import consistency, row_reuse
 from nsbench.results import run_key as key
 from nsbench.results import tables as store
 from nsbench.results.atomic_write import write_atomically
-from nsbench.results.environment import environment
 from nsbench.results.journal import Journal, as_read, clean
 from nsbench.results.packed_rows import OrderedRows, PackedRows
 from nsbench.study import Spec, describe
@@ -117,6 +117,8 @@ def _complete(specs, known, journal, args, say, out) -> tuple[bool, set]:
         return False, set()
     say(f"{len(todo)} runs ({len(specs) - len(todo)} known already), results in {out}")
     consistency.mark_stale(out)
+    journal.append_plan(list(keys.values()))
+    write_notes(out, (s.solver for s in keys), cases, fresh=True)
     here = args.dask is None
     recorder = row_reuse.RowRecorder(journal, keys, parts, cases, on_this_machine=here)
     drawn = _run(todo, keys, recorder, rows, args, say, cases, out)
@@ -312,7 +314,7 @@ def _draw_scene(key: str, file: str, folder: str, references: str, asked: dict) 
 
 
 def _write_talk_figure(name: str, _: str, out: str) -> None:
-    write_atomically(Path(out) / "extra.json", _dump({f"{name}_figure": describe.talk_figure()}))
+    write_atomically(Path(out) / "extra.json", dump({f"{name}_figure": describe.talk_figure()}))
 
 
 def order_batches(batches: list[list[Spec]]) -> list[list[Spec]]:
@@ -363,17 +365,11 @@ def publish(
     if not fresh and path.exists() and consistency.is_consistent(out, contents):
         return path
     tables = store.write_tables(out, rows)
-    meta = {s: describe.describe_solver(s) for s in dict.fromkeys(r["solver"] for r in rows)}
-    write_atomically(out / "solvers.json", _dump(meta))
-    write_atomically(
-        out / "cases.json", _dump({k: describe.describe_case(c) for (k, _), c in cases.items()})
-    )
-    if fresh or not consistency.is_unmodified(out, "env.json"):
-        write_atomically(out / "env.json", _dump(environment()))
+    write_notes(out, (r["solver"] for r in rows), cases, fresh)
     figures = out / "figures"
     figures.mkdir(exist_ok=True)
     if "sliding" not in {k for k, _ in cases}:
-        write_atomically(out / "extra.json", _dump({}))
+        write_atomically(out / "extra.json", dump({}))
     elif ("talk", "") not in drawn:
         _write_talk_figure("talk", "", out)
     not_drawn = [c for name, c in cases.items() if name not in drawn]
@@ -394,7 +390,3 @@ def _report_digest() -> bytes:
     return digest(
         *(p.read_bytes() for p in sorted(root.rglob("*")) if p.is_file() and p.suffix != ".pyc")
     ).encode()
-
-
-def _dump(value) -> bytes:
-    return json.dumps(value, indent=1, default=str).encode()

@@ -15,18 +15,22 @@ from pathlib import Path
 __all__ = ["write_report"]
 
 
-def write_report(study: object, path: str | Path | None = None) -> Path:
+def write_report(
+    study: object, path: str | Path | None = None, *, unfinished: bool = False
+) -> Path:
     """Write the report of `study` and return the path of the page.
 
     The Markdown and the figures are written to the same folder.
     study: a folder of results, a list of folders, a study with ``.rows``, a DataFrame or a list of
     dict rows. A study in which every run failed has a report like any other.
     path: a file or an existing folder; by default ``report.html`` in the study's folder, or here.
+    unfinished: the study is a folder whose last run has written no tables; its rows are taken from
+    the journal, and the page says how many are missing.
     Raises FileNotFoundError for a folder without rows and ValueError, naming the file, for one that
     cannot be read.
     """
     from nsbench.report.assemble import assemble_content, draw_figures
-    from nsbench.report.data import read
+    from nsbench.report.data import read, read_unfinished
     from nsbench.report.html_page import render_page
     from nsbench.report.markdown import render_markdown
     from nsbench.report.study_pages import read_studies
@@ -37,7 +41,7 @@ def write_report(study: object, path: str | Path | None = None) -> Path:
     )
     path = Path(path) if path is not None else folder / "report.html"
     path = path / "report.html" if path.is_dir() else path
-    data = read(study)
+    data = read_unfinished(folder) if unfinished else read(study)
     drawn = draw_figures(data)
     content = replace_fields(assemble_content(data, drawn), studies=read_studies(folder))
     path.parent.mkdir(parents=True, exist_ok=True)

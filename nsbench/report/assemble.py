@@ -188,13 +188,14 @@ def assemble_content(data: Data, drawn: Figures) -> Content:
         clock_table(data),
     ]
     lede = ", ".join(filter(None, (counts_line(s), *_where(data.env))))
+    missing = f" {data.missing}." if data.missing else ""
     factors = tuple(cost.compare_speeds(data)) or (
         "No two methods reached the same error with loops of one kind.",
     )
     notes = {case: write_case_notes(data, case, s) for case in data.case_keys}
     return Content(
         title="nsbench report",
-        lede=f"{lede}.",
+        lede=f"{lede}.{missing}",
         headline=write_headline(data, s),
         statements=tuple(write_verdict(data, s)),
         tables={t.key: t for t in built},

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, field
+import shlex
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -23,6 +24,8 @@ from nsbench.report.stored_results import (
     scene_files,
 )
 from nsbench.report.style import LEADING_METHOD, file_stem, method_of, sanitise
+from nsbench.results.journal import read_journal, read_plan
+from nsbench.results.packed_rows import PackedRows
 
 # of single steps, against the exact multiplier at that time
 LABELS = ("lam_at_start", "lam_at_mid", "lam_at_end", "lam_mean")
@@ -98,7 +101,8 @@ class Runs:
 class Data:
     """The rows of a study by (case, solver), in the order of the page.
 
-    cases, solvers, env, extra: as stored. pictures: SVG by case. players: frames by case.
+    cases, solvers, env, extra: as stored. pictures: SVG by case. players: frames by case. missing:
+    what a study that was interrupted lacks, in words; else "".
     """
 
     runs: dict
@@ -108,6 +112,7 @@ class Data:
     extra: dict
     pictures: dict
     players: dict = field(default_factory=dict)
+    missing: str = ""
 
     @property
     def case_keys(self) -> list[str]:
@@ -146,10 +151,45 @@ def read(study: object) -> Data:
     return build(columns_of(rows), **known)
 
 
+def read_unfinished(folder: Path) -> Data:
+    """Read the rows of a study that has not written its tables, from the journal of the folder.
+
+    Only rows of the runs that the study planned count; of a journal without a plan, the last row of
+    each run. Raises FileNotFoundError where there is none, and ValueError.
+    """
+    rows, planned = _journalled(folder)
+    if not rows:
+        raise FileNotFoundError(f"no results in {folder}: no run of the last study has ended yet")
+    data = _with_notes(folder, rows, str(folder / "journal.jsonl"))
+    argv = data.env.get("argv")
+    command = shlex.join(map(str, argv)) if isinstance(argv, list) and argv else "run"
+    count = f"{planned - len(rows)} of {planned}" if planned else "an unknown number of"
+    missing = (
+        f"{count} planned runs are missing, since the last study here is going on or was "
+        f"interrupted; the same command goes on with them: nsbench {sanitise(command)}"
+    )
+    return replace(data, missing=missing)
+
+
+def _journalled(folder: Path) -> tuple[list[dict], int]:
+    """Return the rows of the last study that a journal holds, and how many were planned (0: not
+    known)."""
+    rows = PackedRows()
+    read_journal(folder, into=rows)
+    if plan := read_plan(folder):
+        return [rows[key] for key in plan if key in rows], len(plan)
+    run = lambda row: tuple(str(row.get(n)) for n in ("case", "solver", "accuracy", "asked"))
+    return list({run(row): row for row in rows.values()}.values()), 0
+
+
 def _folder(folder: Path) -> Data:
     path, columns = read_table(folder)
+    return _with_notes(folder, columns, str(path))
+
+
+def _with_notes(folder: Path, rows: object, source: str) -> Data:
     return build(
-        columns_of(columns, str(path)),
+        columns_of(rows, source),
         *(read_notes(folder / f"{name}.json") for name in ("cases", "solvers", "env", "extra")),
         scene_files(folder),
     )

@@ -98,6 +98,19 @@ def check(folder: str | Path) -> None:
         raise ValueError(f"{inconsistency}: run the same command again")
 
 
+def is_unfinished(folder: str | Path) -> bool:
+    """Has the last run there not written its tables: is it going on, or did it not end?
+
+    Raises ValueError for a key file that cannot be read.
+    """
+    folder = Path(folder)
+    if not exists(folder / JOURNAL):
+        return False
+    if not any(exists(folder / name) for name in FILES[:2]):
+        return True
+    return exists(folder / KEY_FILE) and not _key_lines(folder)
+
+
 def _inconsistency(folder: Path, lines: list[str]) -> str:
     """Return which file is not as the lines of the key file say; "" if all are."""
     for name, _, what in (line.rpartition(" ") for line in lines[1:]):

@@ -1,7 +1,8 @@
 """Journal of a study: DIR/journal.jsonl, one JSON line per run, appended and synced as runs end.
 
 A line holds a row with its key and the digests of the parts of the key, or the items of one part,
-which stand before the first row that has it. Each line ends with a checksum of itself.
+which stand before the first row that has it, or keys of the runs that a study plans, which stand
+before its rows. Each line ends with a checksum of itself.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ SCHEMA = 1
 BLOCK = 1 << 20  # bytes that are read at a time
 MAX_BYTES = 16 << 30  # of a journal: ten million rows take less
 LONGEST = 16 << 20  # bytes of a line: the parts of one key take some ten thousand
+PLANNED = 100_000  # keys in a line of a plan: it stays shorter than LONGEST
 PIECES = re.compile(rb"[^\0\n]+|\0+|\n")
 INT64 = 1 << 63  # whole numbers of a table are below this
 FOLDERS = ("figures", "output", "studies")
@@ -174,6 +176,21 @@ class Journal:
                     lines.append({"schema": SCHEMA, "part": p.digest, "items": dict(p.items)})
                     new.add(p.digest)
             lines.append({"schema": SCHEMA, "key": key, "parts": digests, "row": clean(row)})
+        self._write(lines)
+        self._parts_written |= new
+
+    def append_plan(self, keys: list[str]) -> None:
+        """Append and sync the keys of all runs of a study, the known ones too, as runs begin.
+
+        Raises StoreError if that fails.
+        """
+        self._write(
+            {"schema": SCHEMA, "at": at, "plan": keys[at : at + PLANNED]}
+            for at in range(0, len(keys), PLANNED)
+        )
+
+    def _write(self, lines: Iterable[dict]) -> None:
+        """Append and sync entries. Raises StoreError; whole lines that fitted are kept."""
         size = os.fstat(self._file).st_size
         data = b"".join(map(_sealed, lines))
         written = 0
@@ -190,7 +207,6 @@ class Journal:
             raise StoreError(
                 f"cannot write {self.path}: {e.strerror}; what was finished before is kept"
             ) from None
-        self._parts_written |= new
 
     def close(self) -> None:
         """Close the file and release its lock."""
@@ -293,11 +309,21 @@ def read_journal(
     unreadable = [] if damaged is None else damaged
     for number, entry in entries(Path(folder) / "journal.jsonl"):
         try:
-            if entry["schema"] == SCHEMA and "part" not in entry:
+            if entry["schema"] == SCHEMA and not entry.keys() & {"part", "plan"}:
                 out[entry["key"]] = restore(entry["row"])
         except (KeyError, TypeError, AttributeError, ValueError):
             unreadable.append(number)
     return out
+
+
+def read_plan(folder: Path) -> list[str]:
+    """Return the keys of the runs that the last study planned; none where no plan is stored."""
+    keys: list[str] = []
+    for _, entry in entries(Path(folder) / "journal.jsonl"):
+        with contextlib.suppress(KeyError, TypeError, AttributeError):
+            if entry["schema"] == SCHEMA and "plan" in entry:
+                keys = keys[: int(entry["at"])] + list(map(str, entry["plan"]))
+    return keys
 
 
 def read_parts(folder: Path) -> tuple[dict[tuple, list[str]], dict[str, dict]]:

@@ -8,7 +8,7 @@ import sys
 import time
 
 import pytest
-from runs_here import patch_runs
+from runs_here import patch_runs, run_all
 
 from nsbench.cli import main
 from nsbench.execute import suite
@@ -74,6 +74,51 @@ def test_nothing_is_written_again_when_nothing_changed(results):
     } == before and judged(results) == 0
 
 
+@pytest.mark.survives("ctrl-c", "older tables")
+@pytest.mark.parametrize("older", [False, True])
+def test_a_report_of_an_interrupted_run_has_its_rows_and_says_what_is_missing(
+    tmp_path, monkeypatch, capsys, older
+):
+    """Rows of the journal that the run did not plan, of an earlier study, are not among them."""
+    out = tmp_path / "r"
+    whole = ["run", "tide", "-s", "pbd", "-j", "1", "-o", str(out), "--h", "0.05,0.025,0.0125,0.01"]
+    if older:
+        assert main([*whole[:-1], "0.04,0.02"]) == 0
+
+    def stops(batches, *args, **more):
+        run_all([batches[0][:3]], *args, **more)
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as m:
+        m.setattr(suite, "run_all", stops)
+        assert main(whole) == 130
+    capsys.readouterr()
+    assert main(["report", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert "1 of 4 planned runs are missing" in said and "the same command goes on" in said
+    page = (out / "report.md").read_text()
+    assert page.splitlines()[2].startswith("3 runs of 1 method on 1 case")
+    assert "1 of 4 planned runs are missing" in page
+    assert judged(out) == 2
+    assert main(whole) == 0 and main(["report", str(out)]) == 0
+    page = (out / "report.md").read_text()
+    assert "planned runs" not in page and "4 runs of 1 method" in page
+    assert "1 runs (3 known already)" in capsys.readouterr().out
+
+
+def test_a_journal_without_a_plan_or_without_rows_is_reported_as_what_it_is(tmp_path, capsys):
+    row = {"case": "tide", "solver": "pbd", "accuracy": "h", "asked": 0.1, "status": "ok"}
+    Journal(tmp_path).close()
+    assert main(["report", str(tmp_path)]) == 2 and "no results in" in capsys.readouterr().err
+    for key, asked in (("a", 0.1), ("b", 0.1), ("c", 0.2)):
+        writes = Journal(tmp_path)
+        writes.append(key, row | {"asked": asked, "h": asked})
+        writes.close()
+    assert main(["report", str(tmp_path)]) == 0
+    assert "an unknown number of planned runs" in capsys.readouterr().out
+    assert "\n2 runs of 1 method on 1 case" in (tmp_path / "report.md").read_text()
+
+
 @pytest.mark.long
 @pytest.mark.survives("older tables")
 @pytest.mark.parametrize("rows", [0, 1])
@@ -96,7 +141,6 @@ def test_tables_from_before_a_run_that_did_not_end_are_not_judged(
     capsys.readouterr()
     for command in (
         ["gate", str(results), "--baseline", str(results / "b.csv")],
-        ["report", str(results)],
         ["gate", str(results), "--baseline", str(results / "b.csv"), "--update", "--reason", "new"],
         ["compare", str(results), str(results)],
         ["calibrate", str(results)],

@@ -25,6 +25,7 @@ from nsbench.results.journal import (
     clean,
     read_journal,
     read_parts,
+    read_plan,
 )
 
 
@@ -130,6 +131,20 @@ def test_what_a_run_was_made_of_is_told_once_and_comes_back(tmp_path):
     assert parts == {old.digest: {"a.py": "1"}, new.digest: {"a.py": "2"}}
     assert len((tmp_path / "journal.jsonl").read_text().splitlines()) == 6
     assert [*read_journal(tmp_path)] == ["k", "l"]
+
+
+def test_the_last_plan_counts_whatever_the_number_of_its_lines(tmp_path, monkeypatch):
+    monkeypatch.setattr("nsbench.results.journal.PLANNED", 2)
+    assert read_plan(tmp_path) == []
+    for plan in (list("abcdefg"), list("xyz")):
+        j = Journal(tmp_path)
+        j.append_plan(plan)
+        j.append("a", {"x": 1.0})
+        j.close()
+        assert read_plan(tmp_path) == plan
+    damaged = []
+    assert list(read_journal(tmp_path, damaged)) == ["a"] and not damaged
+    assert read_parts(tmp_path)[1] == {}
 
 
 def test_tables_keep_every_column_and_row(tmp_path):
