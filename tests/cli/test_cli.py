@@ -11,6 +11,7 @@ import pytest
 
 from nsbench.cli import main
 from nsbench.cli.option_values import read_values
+from nsbench.results.journal import read_journal
 
 
 def nsbench(*args, **kw):
@@ -123,14 +124,15 @@ def test_interrupted_run_keeps_what_is_finished_and_goes_on(tmp_path):
     )
     journal = out / "journal.jsonl"
     for _ in range(3000):  # kernels may have to be compiled first, on a machine with other work
-        if journal.exists() and journal.stat().st_size:
+        if journal.exists() and read_journal(out):
             break
         time.sleep(0.1)
     os.killpg(p.pid, signal.SIGINT)
     _, err = p.communicate(timeout=60)
     assert p.returncode == 130, err
-    done = journal.read_bytes().count(b"\n")
-    assert done >= 1
+    assert read_journal(out)
+    reported = nsbench("report", str(out))
+    assert reported.returncode == 0 and "planned runs are missing" in reported.stdout
     plan = nsbench(*args[3:], "--plan")
     assert plan.returncode == 0 and "reuse" in plan.stdout
 
