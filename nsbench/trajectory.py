@@ -32,6 +32,8 @@ STATUS_MEANINGS = {
     "error": "the method, the case or the machine raised an error",
 }
 STATUSES = tuple(STATUS_MEANINGS)  # a closed list
+# of runs that have reached their end time, or were not to run; all others are failures
+NO_FAILURE = ("ok", "unverified", "below_reference", "refused")
 LAM_TIMES = ("start", "midpoint", "end", "mean")
 RULES = ("", "explicit", "implicit")
 # parts of a run with switches after each of which a method stores a state in `between`

@@ -12,8 +12,9 @@ from collections.abc import Callable
 
 from nsbench.execute.remaining_time import RemainingTime
 from nsbench.study import Spec
+from nsbench.trajectory import NO_FAILURE
 
-EXPECTED_STATUSES = ("ok", "refused", "below_reference")  # all others count as failures
+EXPECTED_STATUSES = ("ok", "refused", "below_reference")  # of a command that went well
 SECONDS_BETWEEN_LINES = 15.0  # where there is no terminal
 SECONDS_BETWEEN_REDRAWS = 0.1
 PLAIN_WIDTH = 120
@@ -41,7 +42,7 @@ class Progress:
     def step(self, spec: Spec, row: dict) -> None:
         """Count a run with its first row; print, if it is time to."""
         self.done += 1
-        self.failed += row["status"] not in EXPECTED_STATUSES
+        self.failed += row["status"] not in NO_FAILURE
         self.remaining.add(spec, row)
         since = time.monotonic() - self.printed_at
         if self.terminal:

@@ -38,6 +38,7 @@ from nsbench.results.packed_rows import OrderedRows, PackedRows
 from nsbench.study import Spec, describe
 from nsbench.study.attempt import lost_run_row
 from nsbench.study.plan import resolve
+from nsbench.trajectory import NO_FAILURE
 
 RUNS_FAILED = 3  # exit code
 NOTHING_RAN = 4  # exit code
@@ -86,18 +87,19 @@ def execute(specs: list[Spec], out: Path, args, say) -> int:
             rows, (keys[s] for s in specs), lambda i: lost_run_row(specs[i], "error", NO_ROW)
         )
         path = publish(out, ordered, cases, fresh=fresh, say=say, drawn=drawn)
-    failed = Counter(r["status"] for r in ordered if r["status"] not in EXPECTED_STATUSES)
-    if failed:
-        say(
-            f"{failed.total()} of {len(ordered)} runs failed; the report lists each with its reason"
-        )
+    doubtful = Counter(r["status"] for r in ordered if r["status"] not in EXPECTED_STATUSES)
+    if doubtful:
+        failed = sum(n for status, n in doubtful.items() if status not in NO_FAILURE)
+        counts = {"failed": failed, "are unverified": doubtful.total() - failed}
+        said = [f"{n} of {len(ordered)} runs {what}" for what, n in counts.items() if n]
+        say(f"{', '.join(said)}; the report lists each with its reason")
     for line in format_overview(read(out)):
         say(line)
     refused = all(r["status"] == "refused" for r in ordered)
     if refused:
         say("nothing ran: every method refuses; the report gives the reasons")
     say(f"report: {path}")
-    unexpected = failed["error"] or failed["crashed"] or failed.total() == len(ordered)
+    unexpected = doubtful["error"] or doubtful["crashed"] or doubtful.total() == len(ordered)
     return RUNS_FAILED if unexpected else NOTHING_RAN * refused
 
 

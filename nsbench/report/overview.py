@@ -30,10 +30,12 @@ from nsbench.report.summary import (
     stored_claims,
     summarise,
 )
+from nsbench.trajectory import NO_FAILURE
 
 TARGET = 1e-3  # state error that the best method reaches
 MAX_LINES = 10
-HEAD = ("case", f"best at {TARGET:g}", "seconds", "order", "multipliers", "refused", "failed")
+COUNTS = ("refused", "unverified", "failed")
+HEAD = ("case", f"best at {TARGET:g}", "seconds", "order", "multipliers", *COUNTS)
 NOT_KNOWN = "not known"
 NOT_REACHED = "not reached"
 
@@ -42,8 +44,8 @@ NOT_REACHED = "not reached"
 class Line:
     """One case: its best method with setting, seconds, order and error of the multipliers.
 
-    seconds: NaN where no method is best. refused, failed: numbers of methods that refuse the case,
-    and of runs that failed.
+    seconds: NaN where no method is best. refused, unverified, failed: numbers of methods that
+    refuse the case, of runs whose error is not certain, and of runs that ended with a failure.
     """
 
     case: str
@@ -53,13 +55,14 @@ class Line:
     order: str
     multipliers: str
     refused: int
+    unverified: int
     failed: int
 
     def cells(self) -> tuple[str, ...]:
         """Return the cells of the table."""
         best = f"{self.best} ({self.setting})" if self.setting else self.best
         seconds = format_seconds(self.seconds) if self.seconds > 0 else "-"
-        counts = (str(self.refused), str(self.failed))
+        counts = (str(getattr(self, name)) for name in COUNTS)
         return (self.case, best, seconds, self.order, self.multipliers, *counts)
 
 
@@ -72,19 +75,20 @@ def _line(data: Data, case: str) -> Line:
     runs = data.of_case(case)
     statuses = [s for r in runs for s in r.col["status"]]
     refused = sum(set(r.col["status"]) == {"refused"} for r in runs)
-    failed = sum(s not in ("ok", "refused", "below_reference") for s in statuses)
+    failed = sum(s not in NO_FAILURE for s in statuses)
+    counts = refused, statuses.count("unverified"), failed
     ranked = rank_costs(data, case, TARGET)
     further = _further(data, runs, ranked)
     if further is not None:
         setting = f"{format_setting(further)}, extrapolated"
         seconds = further.seconds
-        return Line(case, further.solver, setting, seconds, "-", "-", refused, failed)
+        return Line(case, further.solver, setting, seconds, "-", "-", *counts)
     if not ranked:
         measured = any(np.isfinite(r.col["state_sup"][r.good]).any() for r in runs)
         best = NOT_REACHED if measured else NOT_KNOWN
         if refused == len(runs):
             best = "refused"
-        return Line(case, best, "", math.nan, "-", "-", refused, failed)
+        return Line(case, best, "", math.nan, "-", "-", *counts)
     first = cheapest(ranked)
     chosen = next(r for r in runs if r.solver == first.solver)
     return Line(
@@ -94,8 +98,7 @@ def _line(data: Data, case: str) -> Line:
         first.seconds,
         _order(data, chosen),
         _multipliers(chosen),
-        refused,
-        failed,
+        *counts,
     )
 
 

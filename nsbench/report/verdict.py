@@ -22,6 +22,7 @@ from nsbench.report.style import (
     sanitise,
 )
 from nsbench.report.summary import OPEN, Order, Summary, find_silent_failures, format_statuses
+from nsbench.trajectory import NO_FAILURE
 
 Summaries = dict[tuple[str, str], Summary]  # by (case, method)
 MAX_DEVIATIONS = 12  # listed in the opening; the table has them all
@@ -370,9 +371,12 @@ def _runs(summaries: Summaries) -> str:
     good = total.pop("ok", 0)
     below = total.pop("below_reference", 0)
     refused = total.pop("refused", 0)
-    text = f"Of {format_count(good + below + refused + sum(total.values()), 'run')} {good} ended ok"
+    unsure = total.pop("unverified", 0)
+    runs = good + below + refused + unsure + sum(total.values())
+    text = f"Of {format_count(runs, 'run')} {good} ended ok"
     text += f", {below} below the reference's own error" if below else ""
     text += f", {refused} refused by the method" if refused else ""
+    text += f", {unsure} unverified" if unsure else ""
     return text + (
         f", {sum(total.values())} failed: {format_statuses(total)}." if total else ", none failed."
     )
@@ -387,7 +391,7 @@ def _failed(summaries: Summaries) -> Iterator[str]:
             for s in summaries.values()
             if s.solver == solver
             and s.word == "ok"
-            and set(s.statuses) - {"ok", "below_reference", "refused"}
+            and set(s.statuses) - set(NO_FAILURE)
         ]
         if never:
             yield f"{solver} gave no number on {join_names(never)}."

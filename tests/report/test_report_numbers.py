@@ -9,6 +9,7 @@ from nsbench.report import cost as speed
 from nsbench.report import data, euler_sliding_figure, overview, style, summary, verdict
 from nsbench.report.tables import equal_error_tables, order_table, reliability_tables
 from nsbench.solvers import get
+from nsbench.trajectory import STATUSES
 
 
 @pytest.mark.survives("two steps", "error zero")
@@ -296,6 +297,22 @@ def test_no_error_below_its_floor_is_a_number_beside_an_order():
     assert "133" in [c.text for c in table.rows[0].cells]
     (line,) = overview.overview(data.read(rows))
     assert line.multipliers == "to < 2e-12"
+
+
+def test_an_unverified_run_is_no_failure():
+    rows = [
+        row("a", "pbd", 2.0**-k, status=status, state_sup=0.1, why="x")
+        for k, status in enumerate(STATUSES)
+    ]
+    read = data.read([*rows, *rows[1:2]])
+    (line,) = overview.overview(read)
+    assert (line.unverified, line.failed) == (2, len(STATUSES) - 4)
+    assert dict(zip(overview.HEAD, line.cells(), strict=True))["unverified"] == "2"
+    said = " ".join(str(s) for s in verdict.write_verdict(read, summary.summarise(read)))
+    assert f"2 unverified, {len(STATUSES) - 4} failed: " in said
+    doubted = summary.summarise(data.read([*rows[:1], *rows[1:2]]))
+    said = " ".join(str(s) for s in verdict.write_verdict(data.read(rows[:2]), doubted))
+    assert "1 unverified, none failed" in said and "failed at some" not in said
 
 
 def test_a_constant_without_a_verdict_is_marked_so():
