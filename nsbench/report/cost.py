@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench.measure.clock import LONG
+from nsbench.measure.orders.fit import ENDS
 from nsbench.report.data import Data, Runs
 from nsbench.report.style import (
     LEADING_METHOD,
@@ -171,10 +172,12 @@ def cost_at_error(runs: Runs, target: float, metric: str = "state_sup") -> Cost 
 def extrapolate_cost(summary: Summary, target: float) -> Cost | None:
     """Extrapolate the cost of an error that the ladder of steps does not reach.
 
-    With an order p of a narrow interval, and the error e of the finest step h, the step
-    h (target / e)^(1/p) reaches it; seconds go on as a power of the step, as over the finer half of
-    the runs. None where a run reaches the error, no order is certain, or the error is below the
-    reference's floor or what rounding allows.
+    With an order p of a narrow interval [a, b], and the finest step h, the step
+    h (target / e)^(1/a) reaches it: at the lower end, since a step by p itself misses the error in
+    every second case. e is the largest error of the fine end, carried to h by p, since errors may
+    turn with the phase of the step. Seconds go on as a power of the step, as over the finer
+    half of the runs. None where a run reaches the error, no order is certain, or the error is below
+    the reference's floor or what rounding allows.
     """
     runs = summary.runs
     order = summary.state
@@ -188,11 +191,12 @@ def extrapolate_cost(summary: Summary, target: float) -> Cost | None:
         return None
     error = np.abs(runs.col[order.metric])
     good = np.flatnonzero(runs.good & (error > 0.0) & (runs.col["h"] > 0.0))
-    finest = good[-1]
-    factor = (target / error[finest]) ** (1.0 / order.order)
+    h = runs.col["h"][good]
+    end = h <= h[-1] * 2.0**ENDS
+    level = float(np.max(error[good][end] * (h[-1] / h[end]) ** order.order))
+    factor = (target / level) ** (1.0 / low)
     if not factor < 1.0:
         return None
-    h = runs.col["h"][good]
     # finer steps do not take less: that is noise of quick runs
     grown = lambda values: float(values[-1] * factor ** min(0.0, _exponent(h, values)))
     return Cost(

@@ -164,28 +164,6 @@ def test_the_cheapest_method_depends_on_the_rows():
     assert cell.text == "catching_up" and "pbd" in cell.title
 
 
-def test_an_error_beyond_the_ladder_has_an_extrapolated_step():
-    """Order one with seconds 1/h: a hundredth of the finest error needs a hundredth of its step."""
-    rows = [
-        row("a", "pbd", float(h), state_sup=3.0 * h, seconds=1e-6 / h, loop="compiled")
-        for h in STEPS
-    ]
-    read = data.read(rows)
-    found = summary.summarise(read)["a", "pbd"]
-    finest = min(STEPS)
-    cost = speed.extrapolate_cost(found, 0.03 * finest)
-    assert cost.is_extrapolated and cost.h == pytest.approx(0.01 * finest, rel=0.02)
-    assert cost.seconds == pytest.approx(1e-6 / cost.h, rel=0.02)
-    assert speed.extrapolate_cost(found, 3.1 * finest) is None  # a run reaches it
-    quick = [r | {"seconds": r["h"]} for r in rows]  # noise: the finest run took the least
-    noisy = speed.extrapolate_cost(summary.summarise(data.read(quick))["a", "pbd"], 0.03 * finest)
-    assert noisy.seconds == finest
-    assert speed.extrapolate_cost(found, 1e-14) is None  # rounding does not allow it
-    rows[-1]["state_sup"] = 50.0 * rows[-1]["state_sup"]
-    wild = summary.summarise(data.read(rows))["a", "pbd"]
-    assert speed.extrapolate_cost(wild, 0.03 * finest) is None or wild.state.verdict == "order"
-
-
 @pytest.mark.parametrize("loop", ["compiled", "host"])
 def test_a_ladder_that_stops_short_does_not_make_its_method_dear(loop):
     """PBD stops above the error, and would take 3 ms for it."""
@@ -217,12 +195,6 @@ def test_a_host_loop_with_fewer_seconds_is_the_cheapest():
         read = data.read(rows)
         cells = equal_error_tables.choice_table(read, summary.summarise(read)).rows[0].cells
         assert cells[1 + speed.TARGETS.index(1e-3)].text == overview.overview(read)[0].best == best
-
-
-def test_errors_that_no_step_lowers_are_not_extrapolated():
-    rows = [row("a", "pbd", float(h), state_sup=0.3, seconds=1e-6 / h) for h in STEPS]
-    found = summary.summarise(data.read(rows))["a", "pbd"]
-    assert speed.extrapolate_cost(found, 0.01) is None
 
 
 @pytest.mark.parametrize(
