@@ -1,6 +1,6 @@
 """PBD with accumulated multipliers and warm starts: a variant of the study, no method of its own.
 
-A step from x, with impulses c of the last one (n contacts k, gaps g_k, normals along grad g_k):
+A step from x, with impulses c_k of the last one (contacts k with gaps g_k >= 0):
 
     x <- x + h f + sum_k c_k grad g_k(x + h f)                       start
     c_k <- max(0, c_k - g_k(x) / |grad g_k|^2),  x <- x + (change of c_k) grad g_k(x)    sweeps
@@ -45,8 +45,13 @@ def accumulate(
     corrections are clamped at zero, else single corrections, as in PBD; without both the run is
     that of PBD. All pairs of particles are candidates. Raises ValueError for Smooth constraints.
     """
-    from nsbench.compilation.case_functions import bind_loop, compile_functions, loop_in_python
-    from nsbench.compilation.case_functions import curve_function, drift_function
+    from nsbench.compilation.case_functions import (
+        bind_loop,
+        compile_functions,
+        curve_function,
+        drift_function,
+        loop_in_python,
+    )
     from nsbench.dynamics.contacts.constraint_set import ConstraintSet
     from nsbench.dynamics.contacts.kernels.contact_arrays import AffineRows
     from nsbench.solvers.common.initial_state import initial_state
