@@ -63,8 +63,8 @@ STUDIES = (
     ),
     Study(
         "multipliers",
-        "How many steps do multipliers need until they are right, what do sweeps, orders and steps "
-        "buy at equal cost, and how good are the error bars?",
+        "How many steps do multipliers need until they are right, what do sweeps, orders, steps "
+        "and warm starts buy at equal cost, and how good are the error bars?",
         "nsbench.studies.multipliers.study",
     ),
 )
