@@ -377,6 +377,6 @@ def test_the_ratio_of_a_plateau_to_a_power_law_is_that_of_one_parameter_more():
     of = lambda n, rss: PlateauFit(C=1.0, M=1.0, p=1.0, rss=rss, rss0=3.0, n=n)
     assert of(3, 1.0).ratio == of(9, 4.0).ratio == 0.0
     assert of(4, 1.0).ratio == 2.0 and of(9, 1.0).ratio == 12.0
-    level = stats.f.isf(0.01, 1, 6)
+    level = stats.f.isf(0.001, 1, 6)
     assert of(9, 18.0 / (6.0 + 1.01 * level)).significant
     assert not of(9, 18.0 / (6.0 + 0.99 * level)).significant

@@ -209,7 +209,7 @@ def _levels_off(h, err, line: Fit, known, why, unique, reaction) -> Fit | None:
         plateau=C,
         order=order,
         constant=constant,
-        sentence=f"{seen}: a plateau, rejected as a power law at 1 %."
+        sentence=f"{seen}: a plateau, rejected as a power law at 0.1 %."
         if not flat
         else f"{seen} for all {len(h)} steps: it does not fall with the step.",
     )
