@@ -165,7 +165,7 @@ def read_unfinished(folder: Path) -> Data:
     command = shlex.join(map(str, argv)) if isinstance(argv, list) and argv else "run"
     count = f"{planned - len(rows)} of {planned}" if planned else "an unknown number of"
     missing = (
-        f"{count} planned runs are missing, since the last study here is going on or was "
+        f"{count} planned runs are missing, because the last study here is going on or was "
         f"interrupted; the same command goes on with them: nsbench {sanitise(command)}"
     )
     return replace(data, missing=missing)
