@@ -1,14 +1,19 @@
 """Maps of status and error: every cell a number or a named failure; what held stacks do."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.optimize import nnls
 
+from nsbench.solvers import solve
 from nsbench.studies.finding import Effort
 from nsbench.studies.part_journal import PartJournal
 from nsbench.studies.stability import study
-from nsbench.studies.stability.held_stack import JITTER_STEPS, STEP, hold
-from nsbench.studies.stability.maps import DIVISORS, OWN, Map, fill_row, methods_of
+from nsbench.studies.stability.held_stack import COLUMN, JITTER_STEPS, PILE, STEP, hold
+from nsbench.studies.stability.maps import DIVISORS, MAPS, OWN, Map, fill_row, methods_of
 from nsbench.studies.plateau.scenes import find_scene
+from nsbench.trajectory import Status
 
 
 @pytest.mark.long
@@ -32,19 +37,94 @@ def test_the_methods_of_a_map_are_those_that_take_the_case():
 def test_a_low_stack_sinks_by_what_the_loads_above_leave_and_then_rests():
     """At rest each contact is left with h times the load that is processed after it."""
     n = 4
-    row = hold(n, 400, "pbd")
+    row = hold(COLUMN.format(n), n, 400, "pbd")
     h = STEP / n
     loads = n - np.arange(1.0, n)  # contact k is violated by h times the load above it
     assert row["sunk"] == pytest.approx(h * loads.sum(), rel=0.3)
     assert row["jitter"] < 1e-12 and abs(row["drift"]) < 1e-9 and row["sideways"] == 0.0
     assert row["energy"] < 0.0 and row["rise"] < 1e-12
-    assert hold(n, 400, "catching_up")["sunk"] < 1e-12
+    assert hold(COLUMN.format(n), n, 400, "catching_up")["sunk"] < 1e-12
+
+
+@pytest.mark.parametrize("rows", [4, 7])
+def test_a_pile_rests_since_forces_of_its_contacts_carry_the_load(rows):
+    """-f lies in the cone of the gradients of the contacts that are closed at the start."""
+    case = find_scene(PILE.format(rows))
+    walls, discs = case.problem.constraints
+    x = case.x0.reshape(-1, 2)
+    i, j = np.triu_indices(len(x), 1)
+    between = x[i] - x[j]
+    length = np.linalg.norm(between, axis=1)
+    closed = length < discs.d + 1e-12
+    assert length.min() > discs.d - 1e-12
+    pairs = np.zeros((len(i), len(x), 2))
+    pairs[np.arange(len(i)), i] = between / length[:, None]
+    pairs[np.arange(len(i)), j] = -between / length[:, None]
+    wall = walls.A.toarray()
+    gaps = wall @ case.x0 + walls.b
+    assert gaps.min() > -1e-12
+    gradients = np.vstack((wall[gaps < 1e-12], pairs[closed].reshape(closed.sum(), -1)))
+    load = case.problem.drift(np)(0.0, case.x0)
+    assert len(gradients) > np.linalg.matrix_rank(gradients)  # the multipliers are not unique
+    assert nnls(gradients.T, -load)[1] < 1e-10
+    upright = gradients[:, 1::2].sum(axis=1) > 0.5  # the floor: nothing else lifts all discs
+    assert upright.sum() == rows and nnls(gradients[~upright].T, -load)[1] > 0.1
+
+
+def test_a_pile_is_held_in_its_rows_by_short_steps_and_topples_where_they_are_long():
+    """What a sweep leaves of a contact is proportional to h: beyond a radius discs lose places."""
+    rows = 4
+    held = hold(PILE.format(rows), rows, 400, "pbd")
+    assert (held["n"], held["rows"], held["toppled"]) == (10, rows, 0)
+    assert held["jitter"] < 1e-12 and 0.0 < held["sunk"] < STEP * rows
+    assert 0.0 < held["sideways"] < 1.0 and held["energy"] < 0.0
+    fallen = hold(PILE.format(rows), 0.05, 400, "pbd")
+    assert fallen["toppled"] > 0 and fallen["sideways"] > 1.0 and fallen["h"] == STEP / 0.05
+    assert hold(PILE.format(rows), rows, 400, "catching_up")["sunk"] < 1e-12
+
+
+def test_a_run_that_stops_early_is_a_named_row_without_numbers(monkeypatch):
+    from nsbench.studies.stability import held_stack
+
+    def stop(case, method, **accuracy):
+        traj = solve(case, method, **accuracy)
+        cut = traj.t[:-1]
+        return replace(traj, t=cut, x=traj.x[:-1], status=Status("maxiter", "too many"))
+
+    monkeypatch.setattr(held_stack, "solve", stop)
+    row = hold(PILE.format(2), 2, 100, "pbd")
+    assert row["status"] == "maxiter" and row["why"] and "sunk" not in row
+
+
+def test_sweeps_are_a_difficulty_of_the_methods_that_sweep():
+    """A load travels by one disc in a sweep, and what is left of its contact falls with them."""
+    sweeps = next(m for m in MAPS if m.name == "sweeps")
+    assert sweeps.methods(4) == ["pbd[sweeps=4]", "pbd[order=reverse,sweeps=4]"]
+    assert MAPS[0].methods(10) is None
+    first = {}
+    for value, key in sweeps.scenes(False).items():
+        cells = fill_row(key, sweeps.methods(value)[:1])
+        assert [c["column"] for c in cells] == [f"/{n}" for n in DIVISORS]
+        first[value] = cells[0]["error"]
+    assert first[1] > first[4] > 2.0 * first[16] > 0.0
+
+
+def test_piles_are_held_for_fewer_steps_by_methods_whose_steps_are_costly():
+    steps = {p.args: p.key for p in study._piles(True)}
+    assert len(set(steps.values())) == len(steps)
+    largest = {method: n for key, rows, n, method in steps if rows == 44}
+    assert largest["pbd"] == largest["event_driven"] == 10**5
+    assert largest["catching_up"] == study.DISC_STEPS // 990
+    assert 0 in {n for _, _, n, method in steps if method == "pbd[tol=1e-2]"}  # without a run
+    assert {n for _, rows, n, _ in steps if rows == 4} == {10**5}
+    idle = hold(PILE.format(13), 13, 0, "pbd[tol=1e-2]")
+    assert idle["n"] == 91 and idle["status"] == "" and idle["why"] and "sunk" not in idle
 
 
 @pytest.mark.long
 def test_jitter_is_taken_from_single_steps():
     """A tall stack is still sinking: single steps move by less than all of them together."""
-    row = hold(30, 200, "pbd")
+    row = hold(COLUMN.format(30), 30, 200, "pbd")
     assert 0.0 < row["jitter"] < row["h"]
     assert row["jitter"] * JITTER_STEPS < row["sunk"]
 
@@ -54,17 +134,23 @@ def test_the_study_in_a_tiny_form(monkeypatch):
     tiny = Map("stiffness", "stiffness K", "stiff_contact[K={:g}]", (10, 1e4), (10,))
     monkeypatch.setattr(study, "MAPS", (tiny,))
     monkeypatch.setattr(study, "HOLDS", (((4, 200),), ()))
+    monkeypatch.setattr(study, "PILES", (((2, 200),), ()))
     monkeypatch.setattr(study, "fill_row", lambda key: fill_row(key, ["pbd", "theta"]))
     finding = study.conduct(Effort(False, PartJournal(None), lambda line: None))
     assert "12 of 16 cells end well" in finding.answer
     failures = next(t for t in finding.tables if t.key == "failures")
     assert len(failures.rows) == 4 and all(r[-1] for r in failures.rows)
     assert "of 1 stacks held by PBD 1 have come to rest" in finding.answer
+    assert "of 1 piles held by PBD 1 have come to rest in their rows" in finding.answer
+    piles = next(t for t in finding.tables if t.key == "piles")
+    assert [r[:2] for r in piles.rows] == [(3, 200)] * len(study.HELD_BY)
 
 
 def test_a_cell_without_error_and_reason_is_a_contradiction(monkeypatch):
     tiny = Map("stiffness", "stiffness K", "stiff_contact[K={:g}]", (10,), (10,))
     monkeypatch.setattr(study, "MAPS", (tiny,))
+    monkeypatch.setattr(study, "HOLDS", ((), ()))
+    monkeypatch.setattr(study, "PILES", ((), ()))
     cell = {"method": "pbd", "column": "/1", "h": 0.1, "status": "ok", "sentence": ""}
     monkeypatch.setattr(study, "fill_row", lambda key: [{**cell, "error": None, "share": None}])
     with pytest.raises(ArithmeticError, match="no error and no reason"):

@@ -1,8 +1,8 @@
 """Maps of status and error over step and difficulty, for every method that takes the scene.
 
-A difficulty is the stiffness of the drift, the number of rods or discs, the angle of a corner or
-the height of a stack. Methods with a step have one cell for each step, any other (tolerance,
-stiffness of a penalty) one cell with its default.
+A difficulty is the stiffness of the drift, the number of rods or discs, the angle of a corner, the
+height of a stack, or the number of sweeps in a step of PBD. Methods with a step have one cell for
+each step, any other (tolerance, stiffness of a penalty) one cell with its default.
 """
 
 from __future__ import annotations
@@ -25,17 +25,26 @@ UNLISTED = ("solve_ivp", "nosnoc")  # modes by hand, or an extra: not for scenes
 
 @dataclass(frozen=True)
 class Map:
-    """One map: name, words for its difficulty, the scenes by difficulty, small and full."""
+    """One map: name, words for its difficulty, the scenes by difficulty, small and full.
+
+    options: specs of the methods by difficulty, where it is an option of theirs; else none, and
+    every standard method that takes the scene is run.
+    """
 
     name: str
     difficulty: str
     template: str
     small: tuple[float, ...]
     full: tuple[float, ...]
+    options: tuple[str, ...] = ()
 
     def scenes(self, full: bool) -> dict[float, str]:
         """Return the keys of the scenes by difficulty."""
         return {v: self.template.format(v) for v in (self.full if full else self.small)}
+
+    def methods(self, value: float) -> list[str] | None:
+        """Return the methods of one difficulty, None: all that take the scene."""
+        return [spec.format(value) for spec in self.options] or None
 
 
 MAPS = (
@@ -46,6 +55,14 @@ MAPS = (
     Map("discs", "discs N", "discs[n={:d},seed=0]", (3, 10), (3, 10, 30, 100)),
     Map("angle", "angle in degrees", "corner[psi={:g}]", (1, 60, 179), (1, 3, 10, 60, 150, 179)),
     Map("height", "stack height n", "stack[n={:d}]", (3, 10, 30), (3, 10, 30, 100)),
+    Map(
+        "sweeps",
+        "sweeps in a step",
+        "stack[n=10]",
+        (1, 4, 16),
+        (1, 4, 16, 64),
+        ("pbd[sweeps={:d}]", "pbd[order=reverse,sweeps={:d}]"),
+    ),
 )
 
 

@@ -1,4 +1,4 @@
-"""The study `stability`: maps of status and error, and stacks that are held for many steps."""
+"""The study `stability`: maps of status and error; columns and piles held for many steps."""
 
 from __future__ import annotations
 
@@ -12,31 +12,44 @@ from nsbench.studies.finding import Effort, EvidenceFigure, EvidenceTable, Findi
 from nsbench.studies.parts import Part
 from nsbench.studies.plateau.scenes import find_scene
 from nsbench.studies.registry import find_study
-from nsbench.studies.stability.held_stack import hold
+from nsbench.studies.stability.held_stack import COLUMN, PILE, hold
 from nsbench.studies.stability.maps import DIVISORS, MAPS, OWN, Map, fill_row, methods_of
 
-HOLDS = (  # discs and steps: small form, full form
+HOLDS = (  # rows and steps of columns: small form, full form
     ((10, 1000), (30, 1000), (100, 1000)),
     ((10, 10**5), (30, 10**5), (100, 10**5), (1000, 10**5)),
 )
+PILES = (  # of piles: 10, 28 discs; 91, 300 and 990 more
+    ((4, 1000), (7, 1000)),
+    ((4, 10**5), (7, 10**5), (13, 10**5), (24, 10**5), (44, 10**5)),
+)
+# Methods that solve systems or choose their steps hold a pile for DISC_STEPS / discs steps at most;
+# by a tolerance piles of more than TOLERANCE_DISCS are not held: 300 discs take hours.
+TOLERANT = ("catching_up[tol=1e-2]", "pbd[tol=1e-2]")
+COSTLY = ("catching_up", "penalty", *TOLERANT)
+DISC_STEPS = 10**6
+TOLERANCE_DISCS = 100
 HELD_BY = ("pbd", "pbd[order=reverse]", "pbd[sweeps=8]", "catching_up", "event_driven")
-REST = 1e-9  # radii in one step: a stack of which no disc moves further has come to rest
+REST = 1e-9  # radii in one step: where no disc moves further, a column or pile has come to rest
 SILENT = 0.1  # of the motion: an error above it under the status ok is worth a warning
 REFUTATION = (
     "A cell with the status ok whose error does not belong to the step, or a failure without a "
-    "sentence; a stack that drifts or jitters after the load has reached the floor."
+    "sentence; a stack that drifts or jitters after the load has reached the floor; a pile that "
+    "topples under PBD at one step and at every shorter one."
 )
 
 
 def conduct(effort: Effort) -> Finding:
     """Conduct the study. Raises ArithmeticError for a cell that is neither number nor failure."""
-    rows = [(m.name, value, key) for m in MAPS for value, key in m.scenes(effort.full).items()]
-    stacks = _stacks(effort.full)
-    filled = effort.parts([*(_row(name, key) for name, _, key in rows), *stacks])
-    holds = filled[len(rows) :]
+    rows = [(m, value, key) for m in MAPS for value, key in m.scenes(effort.full).items()]
+    columns = _columns(effort.full)
+    heaps = _piles(effort.full)
+    filled = effort.parts([*(_row(*row) for row in rows), *columns, *heaps])
+    holds = filled[len(rows) : len(rows) + len(columns)]
+    piles = filled[len(rows) + len(columns) :]
     maps: dict[str, dict[float, list[dict]]] = {m.name: {} for m in MAPS}
-    for (name, value, _), found in zip(rows, filled, strict=False):
-        maps[name][value] = found
+    for (m, value, _), found in zip(rows, filled, strict=False):
+        maps[m.name][value] = found
     cells = [(m, v, c) for m in MAPS for v, row in maps[m.name].items() for c in row]
     for m, value, cell in cells:
         if cell["error"] is None and not cell["sentence"]:
@@ -44,51 +57,80 @@ def conduct(effort: Effort) -> Finding:
     return Finding(
         name="stability",
         question=find_study("stability").question,
-        answer=_answer(cells, holds),
-        evidence=_evidence(cells, holds),
+        answer=_answer(cells, holds, piles),
+        evidence=(*_evidence(cells, holds), *_sweeps_evidence(cells), *_piles_evidence(piles)),
         refutation=REFUTATION,
         command=f"nsbench study stability{' --full' * effort.full}",
         tables=(
             *(_map_table(m, maps[m.name]) for m in MAPS),
             _failures_table(cells),
-            _holds_table(holds),
+            _holds_table("stacks", "A column of discs that must stay still", holds),
+            _holds_table("piles", "A pile of discs between walls that must stay still", piles),
         ),
-        figures=_figures(maps, holds),
+        figures=_figures(maps, holds, piles),
         data={
             "maps": {n: {str(v): r for v, r in m.items()} for n, m in maps.items()},
             "stacks": holds,
+            "piles": piles,
         },
     )
 
 
-def _holders(full: bool) -> list[str]:
-    """List the methods that hold stacks; in the full form with all standard ones that can."""
-    more = methods_of(find_scene(f"stack[n={HOLDS[0][0][0]}]")) if full else []
+def _holders(key: str, full: bool) -> list[str]:
+    """List the methods that hold a scene; in the full form with all standard ones that can."""
+    more = methods_of(find_scene(key)) if full else []
     return list(dict.fromkeys([*HELD_BY, *more]))
 
 
-def _row(name: str, key: str) -> Part:
-    return Part(f"map {key}", f"stability: map {name}, {key}", fill_row, (key,))
+def _row(m: Map, value: float, key: str) -> Part:
+    methods = m.methods(value)
+    if methods is None:
+        return Part(f"map {key}", f"stability: map {m.name}, {key}", fill_row, (key,))
+    words = f"stability: map {m.name}, {key}, {value:g}"
+    return Part(f"map {m.name} {key} {value:g}", words, fill_row, (key, methods))
 
 
-def _stacks(full: bool) -> list[Part]:
+def _columns(full: bool) -> list[Part]:
     return [
-        Part(
-            f"hold {n} {steps} {method}",
-            f"stability: {n} discs held by {method} for {steps} steps",
-            hold,
-            (n, steps, method),
-        )
+        _held(COLUMN.format(n), n, steps, method, f"{n} discs")
         for n, steps in HOLDS[full]
-        for method in _holders(full)
+        for method in _holders(COLUMN.format(HOLDS[full][0][0]), full)
     ]
+
+
+def _piles(full: bool) -> list[Part]:
+    parts = []
+    for rows, steps in PILES[full]:
+        key = PILE.format(rows)
+        discs = rows * (rows + 1) // 2
+        for method in _holders(key, full):
+            most = _most_steps(method, discs)
+            count = steps if most is None else min(steps, most)
+            parts.append(_held(key, rows, count, method, f"a pile of {discs} discs"))
+    return parts
+
+
+def _most_steps(method: str, discs: int) -> int | None:
+    """Return how many steps of a pile a method may take, None: any number."""
+    if method in TOLERANT and discs > TOLERANCE_DISCS:
+        return 0
+    return DISC_STEPS // discs if method in COSTLY else None
+
+
+def _held(key: str, rows: int, steps: int, method: str, words: str) -> Part:
+    return Part(
+        f"hold {key} {steps} {method}",
+        f"stability: {words} held by {method} for {steps} steps",
+        hold,
+        (key, rows, steps, method),
+    )
 
 
 def _is_sound(cell: dict) -> bool:
     return cell["status"] in ("ok", "below_reference", "degenerate")
 
 
-def _answer(cells, holds) -> str:
+def _answer(cells, holds, piles) -> str:
     sound = sum(_is_sound(c) for _, _, c in cells)
     named = Counter(c["status"] for _, _, c in cells if not _is_sound(c))
     words = ", ".join(f"{count} {status}" for status, count in named.most_common())
@@ -97,13 +139,18 @@ def _answer(cells, holds) -> str:
     fine = [hk for hk, c in stiff if c["method"] == "pbd" and _is_sound(c)]
     pbd = [h for h in holds if h["method"] == "pbd" and "sunk" in h]
     still = [h for h in pbd if h["jitter"] <= REST]
+    heaps = [h for h in piles if h["method"] == "pbd" and "sunk" in h]
+    fallen = ", ".join(str(h["n"]) for h in heaps if h["toppled"])
+    resting = sum(h["jitter"] <= REST and not h["toppled"] for h in heaps)
     return (
         f"{sound} of {len(cells)} cells end well, the others are named ({words or 'none'}); PBD is "
         f"sound up to h K = {format_number(max(fine, default=float('nan')), 3)} and flagged from "
         f"{format_number(min(explicit, default=float('nan')), 3)} on; of {len(pbd)} stacks held by "
         f"PBD {len(still)} have come to rest (no disc moves by more than {REST:g} in a step), one "
         f"has sunk by {format_number(max(h['sunk'] for h in pbd), 3)} radii, and no disc moved "
-        f"sideways by more than {format_number(max(h['sideways'] for h in pbd), 2)}."
+        f"sideways by more than {format_number(max(h['sideways'] for h in pbd), 2)}; of "
+        f"{len(heaps)} piles held by PBD {resting} have come to rest in their rows, discs topple "
+        f"in {f'those of {fallen} discs' if fallen else 'none'}."
     )
 
 
@@ -137,6 +184,54 @@ def _evidence(cells, holds) -> tuple[str, ...]:
         "A column sinks under PBD until its floor carries the whole load, which takes a number of "
         "steps that grows like n^2 (study `multipliers`): taller stacks are still sinking here.",
     )
+
+
+def _sweeps_evidence(cells) -> tuple[str, ...]:
+    """Say what sweeps do at the longest step, one sentence for each method of the map."""
+    out = []
+    for m in (m for m in MAPS if m.options):
+        for spec in m.options:
+            errors = "; ".join(
+                f"{value:g}: {_words(c)}"
+                for own, value, c in cells
+                if own.name == m.name
+                and c["method"] == spec.format(value)
+                and c["column"] == f"/{DIVISORS[0]}"
+            )
+            out.append(
+                f"State error of {spec.format(m.small[0])} on {m.template} at the longest step, "
+                f"by {m.difficulty}: {errors}."
+            )
+    return tuple(out)
+
+
+def _words(cell: dict) -> str:
+    shown = _show(cell)
+    return shown if isinstance(shown, str) else format_number(shown, 3)
+
+
+def _piles_evidence(piles: list[dict]) -> tuple[str, ...]:
+    ended = [h for h in piles if "sunk" in h]
+    by_method = {}
+    for h in (h for h in piles if h["steps"]):
+        by_method.setdefault(h["method"], []).append(h)
+    kept = "; ".join(
+        f"{m} {sum('toppled' in h and not h['toppled'] for h in own)} of {len(own)}"
+        for m, own in by_method.items()
+    )
+    silent = [h for h in ended if h["toppled"] and _is_sound(h)]
+    sunk = max((h for h in ended if not h["toppled"]), key=lambda h: h["sunk"], default=None)
+    lines = [
+        f"Piles whose discs all keep their places, by method: {kept}; discs topple under a status "
+        f"of a sound run in {len(silent)} of {sum(map(len, by_method.values()))}."
+    ]
+    if sunk is not None:
+        lines.append(
+            f"Largest displacement in a pile that keeps its places: "
+            f"{format_number(sunk['sunk'], 3)} radii ({sunk['method']}, n = {sunk['n']}), "
+            f"{format_number(sunk['jitter'], 2)} in one of its last steps."
+        )
+    return tuple(lines)
 
 
 def _map_table(m: Map, rows: dict[float, list[dict]]) -> EvidenceTable:
@@ -186,40 +281,44 @@ def _failures_table(cells) -> EvidenceTable:
     )
 
 
-def _holds_table(holds: list[dict]) -> EvidenceTable:
+def _holds_table(key: str, title: str, holds: list[dict]) -> EvidenceTable:
     fields = ("n", "steps", "h", "method", "status")
-    values = ("sunk", "drift", "jitter", "energy", "rise", "sideways")
+    values = ("sunk", "drift", "jitter", "energy", "rise", "sideways", "toppled")
+    words = {"drift": "drift per unit time", "rise": "energy rise"}
     return EvidenceTable(
-        "stacks",
-        "A column of discs that must stay still",
-        (*fields, "sunk", "drift per unit time", "jitter", "energy", "energy rise", "sideways"),
+        key,
+        title,
+        (*fields, *(words.get(v, v) for v in values)),
         tuple((*(h[f] for f in fields), *(h.get(v) for v in values)) for h in holds),
         "Lengths in radii, unit weights and gravity; methods without a step have their default "
         "accuracy. Sunk: largest displacement; drift: of the "
         "mean height in the second half; jitter: largest displacement in one of the last steps; "
-        "energy: change of the potential energy; rise: its largest increase between samples.",
+        "energy: change of the potential energy; rise: its largest increase between samples; "
+        "toppled: discs that moved sideways by more than a radius. With 0 steps a method is not "
+        "run, for its cost.",
     )
 
 
-def _figures(maps, holds) -> tuple[EvidenceFigure, ...]:
+def _figures(maps, holds, piles) -> tuple[EvidenceFigure, ...]:
     panels = []
     for m in MAPS:
         curves = [
-            Curve(f"{method} {value:g}", *_curve(cells, method))
-            for method in ("pbd", "catching_up")
+            Curve(name.format(value), *_curve(cells, name.format(value).partition(" ")[0]))
+            for name in m.options or ("pbd {:g}", "catching_up {:g}")
             for value, cells in maps[m.name].items()
         ]
         panels.append(Panel(f"{m.difficulty}", tuple(curves), "h", "largest state error"))
-    curves = []
-    for method in dict.fromkeys(h["method"] for h in holds):
-        own = [h for h in holds if h["method"] == method and "sunk" in h]
-        curves.append(Curve(method, [h["n"] for h in own], [h["sunk"] for h in own]))
-    panels.append(Panel("held stacks", tuple(curves), "discs", "sunk, in radii"))
+    for title, held in (("held stacks", holds), ("held piles", piles)):
+        curves = []
+        for method in dict.fromkeys(h["method"] for h in held):
+            own = [h for h in held if h["method"] == method and "sunk" in h]
+            curves.append(Curve(method, [h["n"] for h in own], [h["sunk"] for h in own]))
+        panels.append(Panel(title, tuple(curves), "discs", "sunk, in radii"))
     return (
         EvidenceFigure(
             "maps",
-            "State error over the step by difficulty (runs that ended well); last panel: how far "
-            "stacks have sunk at the end.",
+            "State error over the step by difficulty (runs that ended well); last panels: how "
+            "far stacks and piles have sunk at the end.",
             draw_panels(panels, columns=3),
         ),
     )
