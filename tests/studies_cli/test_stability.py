@@ -78,9 +78,21 @@ def test_a_pile_is_held_in_its_rows_by_short_steps_and_topples_where_they_are_lo
     assert (held["n"], held["rows"], held["toppled"]) == (10, rows, 0)
     assert held["jitter"] < 1e-12 and 0.0 < held["sunk"] < STEP * rows
     assert 0.0 < held["sideways"] < 1.0 and held["energy"] < 0.0
-    fallen = hold(PILE.format(rows), 0.05, 400, "pbd")
-    assert fallen["toppled"] > 0 and fallen["sideways"] > 1.0 and fallen["h"] == STEP / 0.05
+    fallen = hold(PILE.format(13), 13, 1000, "pbd")
+    assert fallen["toppled"] > 0 and fallen["sideways"] > 1.0
+    finer = hold(PILE.format(13), 13, 4000, "pbd", 4)
+    assert finer["h"] == STEP / 52 and finer["toppled"] == 0 and finer["sideways"] < 0.2
     assert hold(PILE.format(rows), rows, 400, "catching_up")["sunk"] < 1e-12
+
+
+def test_discs_that_move_together_have_not_toppled_and_one_that_passes_another_has():
+    from nsbench.studies.stability.held_stack import _count_toppled
+
+    start = np.array([[1.0, 1.0], [3.0, 1.0], [2.0, 1.0 + 3.0**0.5], [9.0, 1.0]])
+    together = start - [0.0, 2.5]
+    last = start + [[0.0, 0.0], [0.0, 0.0], [0.0, -1.2], [5.0, 0.0]]  # the fourth touched none
+    assert _count_toppled(np.stack((start, together))) == 0
+    assert _count_toppled(np.stack((start, last))) == 3
 
 
 def test_a_run_that_stops_early_is_a_named_row_without_numbers(monkeypatch):
@@ -110,11 +122,11 @@ def test_sweeps_are_a_difficulty_of_the_methods_that_sweep():
 
 
 def test_piles_are_held_for_fewer_steps_by_methods_whose_steps_are_costly():
-    steps = {p.args: p.key for p in study._piles(True)}
+    steps = {p.args[:4]: p.key for p in study._piles(True)}
     assert len(set(steps.values())) == len(steps)
     largest = {method: n for key, rows, n, method in steps if rows == 44}
     assert largest["pbd"] == largest["event_driven"] == 10**5
-    assert largest["catching_up"] == study.DISC_STEPS // 990
+    assert largest["catching_up"] == study.DISC_STEPS["catching_up"] // 990
     assert 0 in {n for _, _, n, method in steps if method == "pbd[tol=1e-2]"}  # without a run
     assert {n for _, rows, n, _ in steps if rows == 4} == {10**5}
     idle = hold(PILE.format(13), 13, 0, "pbd[tol=1e-2]")
@@ -135,6 +147,7 @@ def test_the_study_in_a_tiny_form(monkeypatch):
     monkeypatch.setattr(study, "MAPS", (tiny,))
     monkeypatch.setattr(study, "HOLDS", (((4, 200),), ()))
     monkeypatch.setattr(study, "PILES", (((2, 200),), ()))
+    monkeypatch.setattr(study, "DIVISORS_OF_PILE", (2, (1, 2)))
     monkeypatch.setattr(study, "fill_row", lambda key: fill_row(key, ["pbd", "theta"]))
     finding = study.conduct(Effort(False, PartJournal(None), lambda line: None))
     assert "12 of 16 cells end well" in finding.answer
@@ -144,6 +157,9 @@ def test_the_study_in_a_tiny_form(monkeypatch):
     assert "of 1 piles held by PBD 1 have come to rest in their rows" in finding.answer
     piles = next(t for t in finding.tables if t.key == "piles")
     assert [r[:2] for r in piles.rows] == [(3, 200)] * len(study.HELD_BY)
+    finer = next(t for t in finding.tables if t.key == "pile-steps")
+    assert [r[1:3] for r in finer.rows] == [(200, STEP / 2), (400, STEP / 4)] * 2
+    assert f"by h: {STEP / 2:g}: 0 topple" in " ".join(finding.evidence)
 
 
 def test_a_cell_without_error_and_reason_is_a_contradiction(monkeypatch):
@@ -151,6 +167,7 @@ def test_a_cell_without_error_and_reason_is_a_contradiction(monkeypatch):
     monkeypatch.setattr(study, "MAPS", (tiny,))
     monkeypatch.setattr(study, "HOLDS", ((), ()))
     monkeypatch.setattr(study, "PILES", ((), ()))
+    monkeypatch.setattr(study, "_finer_piles", list)
     cell = {"method": "pbd", "column": "/1", "h": 0.1, "status": "ok", "sentence": ""}
     monkeypatch.setattr(study, "fill_row", lambda key: [{**cell, "error": None, "share": None}])
     with pytest.raises(ArithmeticError, match="no error and no reason"):

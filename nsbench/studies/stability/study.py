@@ -23,12 +23,16 @@ PILES = (  # of piles: 10, 28 discs; 91, 300 and 990 more
     ((4, 1000), (7, 1000)),
     ((4, 10**5), (7, 10**5), (13, 10**5), (24, 10**5), (44, 10**5)),
 )
-# Methods that solve systems or choose their steps hold a pile for DISC_STEPS / discs steps at most;
-# by a tolerance piles of more than TOLERANCE_DISCS are not held: 300 discs take hours.
-TOLERANT = ("catching_up[tol=1e-2]", "pbd[tol=1e-2]")
-COSTLY = ("catching_up", "penalty", *TOLERANT)
-DISC_STEPS = 10**6
-TOLERANCE_DISCS = 100
+# Methods whose steps cost more than a sweep hold a pile for DISC_STEPS / discs steps at most, those
+# that choose steps by error bars none of more than MOST_DISCS: 300 discs take hours.
+BY_ERROR_BARS = ("catching_up[tol=1e-2]", "pbd[tol=1e-2]")
+DISC_STEPS = {
+    "catching_up": 4 * 10**7,
+    "penalty": 10**6,
+    **dict.fromkeys(BY_ERROR_BARS, 10**6),
+}
+MOST_DISCS = 100
+DIVISORS_OF_PILE = (13, (1, 2, 4, 16))  # rows of a pile, divisors of its step under PBD
 HELD_BY = ("pbd", "pbd[order=reverse]", "pbd[sweeps=8]", "catching_up", "event_driven")
 REST = 1e-9  # radii in one step: where no disc moves further, a column or pile has come to rest
 SILENT = 0.1  # of the motion: an error above it under the status ok is worth a warning
@@ -44,9 +48,12 @@ def conduct(effort: Effort) -> Finding:
     rows = [(m, value, key) for m in MAPS for value, key in m.scenes(effort.full).items()]
     columns = _columns(effort.full)
     heaps = _piles(effort.full)
-    filled = effort.parts([*(_row(*row) for row in rows), *columns, *heaps])
-    holds = filled[len(rows) : len(rows) + len(columns)]
-    piles = filled[len(rows) + len(columns) :]
+    finer = _finer_piles()
+    filled = effort.parts([*(_row(*row) for row in rows), *columns, *heaps, *finer])
+    ends = np.cumsum([len(rows), len(columns), len(heaps)])
+    holds = filled[ends[0] : ends[1]]
+    piles = filled[ends[1] : ends[2]]
+    ladder = filled[ends[2] :]
     maps: dict[str, dict[float, list[dict]]] = {m.name: {} for m in MAPS}
     for (m, value, _), found in zip(rows, filled, strict=False):
         maps[m.name][value] = found
@@ -58,7 +65,12 @@ def conduct(effort: Effort) -> Finding:
         name="stability",
         question=find_study("stability").question,
         answer=_answer(cells, holds, piles),
-        evidence=(*_evidence(cells, holds), *_sweeps_evidence(cells), *_piles_evidence(piles)),
+        evidence=(
+            *_evidence(cells, holds),
+            *_sweeps_evidence(cells),
+            *_piles_evidence(piles),
+            *_ladder_evidence(ladder),
+        ),
         refutation=REFUTATION,
         command=f"nsbench study stability{' --full' * effort.full}",
         tables=(
@@ -66,12 +78,14 @@ def conduct(effort: Effort) -> Finding:
             _failures_table(cells),
             _holds_table("stacks", "A column of discs that must stay still", holds),
             _holds_table("piles", "A pile of discs between walls that must stay still", piles),
+            _holds_table("pile-steps", "A pile of discs by the length of the step", ladder),
         ),
-        figures=_figures(maps, holds, piles),
+        figures=_figures(maps, holds, piles, ladder),
         data={
             "maps": {n: {str(v): r for v, r in m.items()} for n, m in maps.items()},
             "stacks": holds,
             "piles": piles,
+            "pile_steps": ladder,
         },
     )
 
@@ -112,17 +126,28 @@ def _piles(full: bool) -> list[Part]:
 
 def _most_steps(method: str, discs: int) -> int | None:
     """Return how many steps of a pile a method may take, None: any number."""
-    if method in TOLERANT and discs > TOLERANCE_DISCS:
+    if method in BY_ERROR_BARS and discs > MOST_DISCS:
         return 0
-    return DISC_STEPS // discs if method in COSTLY else None
+    return DISC_STEPS[method] // discs if method in DISC_STEPS else None
 
 
-def _held(key: str, rows: int, steps: int, method: str, words: str) -> Part:
+def _finer_piles() -> list[Part]:
+    """Hold one pile for the same time with shorter and shorter steps."""
+    rows, divisors = DIVISORS_OF_PILE
+    steps = PILES[False][0][1]
+    return [
+        _held(PILE.format(rows), rows, steps * n, method, f"{rows} rows", n)
+        for method in ("pbd", "pbd[sweeps=8]")
+        for n in divisors
+    ]
+
+
+def _held(key: str, rows: int, steps: int, method: str, words: str, divisor: int = 1) -> Part:
     return Part(
-        f"hold {key} {steps} {method}",
+        f"hold {key} {steps} {method} {divisor}",
         f"stability: {words} held by {method} for {steps} steps",
         hold,
-        (key, rows, steps, method),
+        (key, rows, steps, method, divisor),
     )
 
 
@@ -234,6 +259,20 @@ def _piles_evidence(piles: list[dict]) -> tuple[str, ...]:
     return tuple(lines)
 
 
+def _ladder_evidence(ladder: list[dict]) -> tuple[str, ...]:
+    """Say with which steps a pile keeps its places, one sentence for each method."""
+    lines = []
+    for method in dict.fromkeys(h["method"] for h in ladder):
+        own = [h for h in ladder if h["method"] == method and "sunk" in h]
+        shown = "; ".join(
+            f"{format_number(h['h'], 3)}: {h['toppled']} topple, sunk by "
+            f"{format_number(h['sunk'], 3)}"
+            for h in own
+        )
+        lines.append(f"A pile of {ladder[0]['n']} discs under {method}, by h: {shown}.")
+    return tuple(lines)
+
+
 def _map_table(m: Map, rows: dict[float, list[dict]]) -> EvidenceTable:
     columns = [*(f"/{n}" for n in DIVISORS), OWN]
     out = []
@@ -294,12 +333,12 @@ def _holds_table(key: str, title: str, holds: list[dict]) -> EvidenceTable:
         "accuracy. Sunk: largest displacement; drift: of the "
         "mean height in the second half; jitter: largest displacement in one of the last steps; "
         "energy: change of the potential energy; rise: its largest increase between samples; "
-        "toppled: discs that moved sideways by more than a radius. With 0 steps a method is not "
-        "run, for its cost.",
+        "toppled: discs that moved by more than a radius against one that they touched at the "
+        "start. With 0 steps a method is not run, for its cost.",
     )
 
 
-def _figures(maps, holds, piles) -> tuple[EvidenceFigure, ...]:
+def _figures(maps, holds, piles, ladder) -> tuple[EvidenceFigure, ...]:
     panels = []
     for m in MAPS:
         curves = [
@@ -308,17 +347,21 @@ def _figures(maps, holds, piles) -> tuple[EvidenceFigure, ...]:
             for value, cells in maps[m.name].items()
         ]
         panels.append(Panel(f"{m.difficulty}", tuple(curves), "h", "largest state error"))
-    for title, held in (("held stacks", holds), ("held piles", piles)):
+    for title, held, x, label in (
+        ("held stacks", holds, "n", "discs"),
+        ("held piles", piles, "n", "discs"),
+        (f"pile of {ladder[0]['n']} discs", ladder, "h", "h"),
+    ):
         curves = []
         for method in dict.fromkeys(h["method"] for h in held):
             own = [h for h in held if h["method"] == method and "sunk" in h]
-            curves.append(Curve(method, [h["n"] for h in own], [h["sunk"] for h in own]))
-        panels.append(Panel(title, tuple(curves), "discs", "sunk, in radii"))
+            curves.append(Curve(method, [h[x] for h in own], [h["sunk"] for h in own]))
+        panels.append(Panel(title, tuple(curves), label, "sunk, in radii"))
     return (
         EvidenceFigure(
             "maps",
-            "State error over the step by difficulty (runs that ended well); last panels: how "
-            "far stacks and piles have sunk at the end.",
+            "State error over the step by difficulty (runs that ended well); last row: how far "
+            "stacks and piles have sunk at the end.",
             draw_panels(panels, columns=3),
         ),
     )
