@@ -95,6 +95,18 @@ def test_discs_that_move_together_have_not_toppled_and_one_that_passes_another_h
     assert _count_toppled(np.stack((start, last))) == 3
 
 
+def test_the_answer_names_the_piles_and_the_steps_that_topple():
+    rest = {"method": "pbd", "sunk": 0.1, "jitter": 0.0}
+    piles = [rest | {"n": 10, "toppled": 0}, rest | {"n": 28, "toppled": 3}]
+    ladder = [rest | {"n": 91, "h": h, "toppled": int(h > 0.1)} for h in (0.2, 0.1, 0.05)]
+    words = study._piles_answer(piles, ladder)
+    assert words.startswith("of 2 piles held by PBD 1 have come to rest in their rows")
+    assert "in those of 28 discs" in words
+    assert "91 discs topples with h = 0.2 and keeps its places with h = 0.1, 0.05" in words
+    silent = study._piles_evidence([h | {"status": "ok", "steps": 9} for h in piles])
+    assert "pbd 1 of 2" in silent[0] and "in 1 of 2" in silent[0]
+
+
 def test_a_run_that_stops_early_is_a_named_row_without_numbers(monkeypatch):
     from nsbench.studies.stability import held_stack
 
@@ -154,6 +166,7 @@ def test_the_study_in_a_tiny_form(monkeypatch):
     failures = next(t for t in finding.tables if t.key == "failures")
     assert len(failures.rows) == 4 and all(r[-1] for r in failures.rows)
     assert "of 1 stacks held by PBD 1 have come to rest" in finding.answer
+    assert f"topples with h = none and keeps its places with h = {STEP / 2:g}" in finding.answer
     assert "of 1 piles held by PBD 1 have come to rest in their rows" in finding.answer
     piles = next(t for t in finding.tables if t.key == "piles")
     assert [r[:2] for r in piles.rows] == [(3, 200)] * len(study.HELD_BY)

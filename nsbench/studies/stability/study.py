@@ -32,7 +32,7 @@ DISC_STEPS = {
     **dict.fromkeys(BY_ERROR_BARS, 10**6),
 }
 MOST_DISCS = 100
-DIVISORS_OF_PILE = (13, (1, 2, 4, 16))  # rows of a pile, divisors of its step under PBD
+DIVISORS_OF_PILE = (13, (1, 2, 4))  # rows of a pile, divisors of its step under PBD
 HELD_BY = ("pbd", "pbd[order=reverse]", "pbd[sweeps=8]", "catching_up", "event_driven")
 REST = 1e-9  # radii in one step: where no disc moves further, a column or pile has come to rest
 SILENT = 0.1  # of the motion: an error above it under the status ok is worth a warning
@@ -64,7 +64,7 @@ def conduct(effort: Effort) -> Finding:
     return Finding(
         name="stability",
         question=find_study("stability").question,
-        answer=_answer(cells, holds, piles),
+        answer=f"{_answer(cells, holds)}; {_piles_answer(piles, ladder)}.",
         evidence=(
             *_evidence(cells, holds),
             *_sweeps_evidence(cells),
@@ -155,7 +155,7 @@ def _is_sound(cell: dict) -> bool:
     return cell["status"] in ("ok", "below_reference", "degenerate")
 
 
-def _answer(cells, holds, piles) -> str:
+def _answer(cells, holds) -> str:
     sound = sum(_is_sound(c) for _, _, c in cells)
     named = Counter(c["status"] for _, _, c in cells if not _is_sound(c))
     words = ", ".join(f"{count} {status}" for status, count in named.most_common())
@@ -164,18 +164,28 @@ def _answer(cells, holds, piles) -> str:
     fine = [hk for hk, c in stiff if c["method"] == "pbd" and _is_sound(c)]
     pbd = [h for h in holds if h["method"] == "pbd" and "sunk" in h]
     still = [h for h in pbd if h["jitter"] <= REST]
-    heaps = [h for h in piles if h["method"] == "pbd" and "sunk" in h]
-    fallen = ", ".join(str(h["n"]) for h in heaps if h["toppled"])
-    resting = sum(h["jitter"] <= REST and not h["toppled"] for h in heaps)
     return (
         f"{sound} of {len(cells)} cells end well, the others are named ({words or 'none'}); PBD is "
         f"sound up to h K = {format_number(max(fine, default=float('nan')), 3)} and flagged from "
         f"{format_number(min(explicit, default=float('nan')), 3)} on; of {len(pbd)} stacks held by "
         f"PBD {len(still)} have come to rest (no disc moves by more than {REST:g} in a step), one "
         f"has sunk by {format_number(max(h['sunk'] for h in pbd), 3)} radii, and no disc moved "
-        f"sideways by more than {format_number(max(h['sideways'] for h in pbd), 2)}; of "
-        f"{len(heaps)} piles held by PBD {resting} have come to rest in their rows, discs topple "
-        f"in {f'those of {fallen} discs' if fallen else 'none'}."
+        f"sideways by more than {format_number(max(h['sideways'] for h in pbd), 2)}"
+    )
+
+
+def _piles_answer(piles: list[dict], ladder: list[dict]) -> str:
+    """Say which piles PBD keeps in their rows, and with which steps it keeps one."""
+    heaps = [h for h in piles if h["method"] == "pbd" and "sunk" in h]
+    fallen = ", ".join(str(h["n"]) for h in heaps if h["toppled"])
+    resting = sum(h["jitter"] <= REST and not h["toppled"] for h in heaps)
+    own = [h for h in ladder if h["method"] == "pbd" and "sunk" in h]
+    topples = ", ".join(format_number(h["h"], 3) for h in own if h["toppled"])
+    keeps = ", ".join(format_number(h["h"], 3) for h in own if not h["toppled"])
+    return (
+        f"of {len(heaps)} piles held by PBD {resting} have come to rest in their rows, discs "
+        f"topple in {f'those of {fallen} discs' if fallen else 'none'}; a pile of {ladder[0]['n']} discs "
+        f"topples with h = {topples or 'none'} and keeps its places with h = {keeps or 'none'}"
     )
 
 
