@@ -185,7 +185,8 @@ def _piles_answer(piles: list[dict], ladder: list[dict]) -> str:
     return (
         f"of {len(heaps)} piles held by PBD {resting} have come to rest in their rows, discs "
         f"topple in {f'those of {fallen} discs' if fallen else 'none'}; a pile of "
-        f"{ladder[0]['n']} discs topples with h = {topples or 'none'} and keeps its places with h = {keeps or 'none'}"
+        f"{ladder[0]['n']} discs topples with h = {topples or 'none'} and keeps its places with "
+        f"h = {keeps or 'none'}"
     )
 
 
