@@ -137,7 +137,7 @@ def test_piles_are_held_for_fewer_steps_by_methods_whose_steps_are_costly():
     steps = {p.args[:4]: p.key for p in study._piles(True)}
     assert len(set(steps.values())) == len(steps)
     largest = {method: n for key, rows, n, method in steps if rows == 44}
-    assert largest["pbd"] == largest["event_driven"] == 10**5
+    assert largest["pbd"] == 10**5 > largest["event_driven"] > 0
     assert largest["catching_up"] == study.DISC_STEPS["catching_up"] // 990
     assert 0 in {n for _, _, n, method in steps if method == "pbd[tol=1e-2]"}  # without a run
     assert {n for _, rows, n, _ in steps if rows == 4} == {10**5}

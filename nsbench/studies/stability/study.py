@@ -28,6 +28,7 @@ PILES = (  # of piles: 10, 28 discs; 91, 300 and 990 more
 BY_ERROR_BARS = ("catching_up[tol=1e-2]", "pbd[tol=1e-2]")
 DISC_STEPS = {
     "catching_up": 4 * 10**7,
+    "event_driven": 10**6,
     "penalty": 10**6,
     **dict.fromkeys(BY_ERROR_BARS, 10**6),
 }
