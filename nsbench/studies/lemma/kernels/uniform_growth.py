@@ -30,8 +30,13 @@ def _choose(number, count):
 
 
 @inner_kernel
-def _find_near(centres, count, first, rank):
-    """Return the disc that has `rank` others nearer to the disc `first`; -1: none."""
+def _find_near(centres, count, first, number):
+    """Return one of the NEAREST discs of the disc `first`, chosen by a number in [0, 1).
+
+    They are counted by index: distances of discs that touch it are equal up to rounding.
+    """
+    choices = min(NEAREST, count - 1)
+    left = _choose(number, choices)
     for i in range(count):
         if i != first:
             nearer = 0
@@ -40,8 +45,10 @@ def _find_near(centres, count, first, rank):
                 if j != first and j != i:
                     other = _square(centres, j, first)
                     nearer += other < square or (other == square and j < i)
-            if nearer == rank:
-                return i
+            if nearer < choices:
+                if left == 0:
+                    return i
+                left -= 1
     return -1
 
 
@@ -58,7 +65,7 @@ def _propose(numbers, k, t, loops, centres, touched):
         centres[k, 0] = centres[first, 0] + REACH * np.cos(angle)
         centres[k, 1] = centres[first, 1] + REACH * np.sin(angle)
         return 1
-    other = _find_near(centres, k, first, _choose(numbers[k, t, 2], min(NEAREST, k - 1)))
+    other = _find_near(centres, k, first, numbers[k, t, 2])
     touched[1] = other
     height = REACH * REACH / _square(centres, first, other) - 0.25
     if height <= 0.0:
