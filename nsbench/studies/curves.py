@@ -101,9 +101,9 @@ def _draw_panel(axes, panel: Panel) -> None:
     if panel.y_limits is not None:
         axes.set_ylim(*panel.y_limits)
     if panel.x_log:
-        _scale_log(axes.xaxis, axes.set_xscale)
+        scale_log(axes.xaxis, axes.set_xscale)
     if panel.y_log:
-        _scale_log(axes.yaxis, axes.set_yscale)
+        scale_log(axes.yaxis, axes.set_yscale)
     axes.set_title(panel.title, size=8.5, loc="left")
     axes.set_xlabel(panel.x_label)
     axes.set_ylabel(panel.y_label)
@@ -116,7 +116,7 @@ def _draw_panel(axes, panel: Panel) -> None:
         axes.legend(frameon=False, fontsize=6.5, **place)
 
 
-def _scale_log(axis, set_scale) -> None:
+def scale_log(axis, set_scale) -> None:
     """Make an axis logarithmic, with few labels in plain text: the style parses no mathematics."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 

@@ -18,10 +18,10 @@ from nsbench.studies.packings.contact_graphs import CLEARANCE, ContactGraph, _pr
 SUM = Score(3, [slice(k, k + 1) for k in range(3)], lambda x: x.sum())
 THRESHOLDS = [1.0, 2.3, 2.7, 2.85]
 EXACT = [5 / 6, *((3.0 - t) ** 3 / 6.0 for t in THRESHOLDS[1:])]  # of a sum of three
-DISCS = 8
+DISCS = 6
 
 
-def repeat(steps, runs=300, points=20):
+def repeat(steps, runs=200, points=40):
     levels = [2.0, 2.4, 2.6, 2.75]
     return np.array(
         [
@@ -31,29 +31,29 @@ def repeat(steps, runs=300, points=20):
     )
 
 
-@pytest.mark.parametrize("steps", [1, 4])
+@pytest.mark.parametrize("steps", [1, 3])
 def test_estimates_are_unbiased_even_where_points_hardly_move(steps):
     estimates = repeat(steps)
     error = estimates.std(axis=0, ddof=1) / np.sqrt(len(estimates))
     assert np.all(np.abs(estimates.mean(axis=0) - EXACT) < 4.0 * error)
-    assert np.all(error < 0.25 * np.array(EXACT))  # a wide error would hide anything
+    assert np.all(error < 0.2 * np.array(EXACT))  # a wide error would hide anything
 
 
 def test_intervals_over_runs_hold_the_exact_value_about_as_often_as_they_say():
-    estimates = repeat(4)[:, 2].reshape(30, 10)
+    estimates = repeat(2)[:, 2].reshape(20, 10)
     held = 0
     for group in estimates:
         mean, low, high = mean_interval(group, 0.95)
         assert low <= mean <= high
         held += low <= EXACT[2] <= high
-    assert 24 <= held <= 30
+    assert 16 <= held <= 20
 
 
 def test_levels_divide_the_tail_down_to_the_rarest_probability():
     levels = place_levels(SUM, 200, 4, 1e-4, np.random.default_rng(1))
     tail = [(3.0 - v) ** 3 / 6.0 if v > 2.0 else 1.0 for v in levels]
     assert levels == sorted(levels) and 1e-5 < tail[-1] < 1e-3
-    assert len(levels) == 6  # a fifth each
+    assert len(levels) == 6  # a fifth each: 0.2^6 < 1e-4 < 0.2^5
 
 
 def test_a_score_that_nothing_passes_has_no_levels_and_no_tail():
@@ -101,7 +101,7 @@ def place_of(centres, numbers):
 def test_packings_of_uniform_numbers_are_those_of_grow_and_so_are_their_constants():
     rng = np.random.default_rng(8)
     score = packing_score(DISCS)
-    for _ in range(6):
+    for _ in range(4):
         x = rng.random(score.size)
         numbers = x[: DISCS * ATTEMPTS * NUMBERS].reshape(DISCS, ATTEMPTS, NUMBERS)
         keys = x[DISCS * ATTEMPTS * NUMBERS :].reshape(DISCS, KEYS)

@@ -8,6 +8,8 @@ import numpy as np
 
 from nsbench.report.scenes.figure import STYLE, write_svg
 from nsbench.report.style import INK, MUTED, PALETTE, RULE
+from nsbench.studies.curves import scale_log
+from nsbench.studies.lemma.random_packings import share_interval
 from nsbench.studies.packings.contact_graphs import ContactGraph
 
 BLUE, ORANGE, GREEN = PALETTE[:3]
@@ -116,8 +118,11 @@ def draw_constants(entries: list[dict]) -> str:
     return write_svg(figure)
 
 
-def draw_distribution(values: np.ndarray, band: float) -> str:
-    """Draw the share of random packings with a constant above c, with its confidence band."""
+def draw_distribution(values: np.ndarray, band: float, tail: np.ndarray) -> str:
+    """Draw the share of random packings with a constant above c: all of it, and its tail.
+
+    band: half width of the uniform confidence band. tail: rows (c, P(C > c), low, high).
+    """
     import matplotlib
     from matplotlib.figure import Figure
 
@@ -126,8 +131,8 @@ def draw_distribution(values: np.ndarray, band: float) -> str:
     # at most this many points: a finer curve does not show
     keep = np.unique(np.linspace(0, len(values) - 1, 400).astype(int))
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(1.3 * PANEL_INCHES, 0.8 * PANEL_INCHES), facecolor="white")
-        axes = figure.add_subplot(1, 1, 1)
+        figure = Figure(figsize=(2 * PANEL_INCHES, 0.8 * PANEL_INCHES), facecolor="white")
+        axes = figure.add_subplot(1, 2, 1)
         low = np.maximum(share - band, 0.0)[keep]
         high = np.minimum(share + band, 1.0)[keep]
         axes.fill_between(values[keep], low, high, color=BLUE, alpha=0.2, linewidth=0.0)
@@ -135,5 +140,27 @@ def draw_distribution(values: np.ndarray, band: float) -> str:
         axes.set_xlabel("c")
         axes.set_ylabel("share of packings with C > c")
         axes.set_ylim(0.0, 1.0)
-        figure.subplots_adjust(0.14, 0.18, 0.98, 0.96)
+        _draw_tail(figure.add_subplot(1, 2, 2), values, tail)
+        figure.subplots_adjust(0.09, 0.18, 0.98, 0.96, 0.26)
     return write_svg(figure)
+
+
+def _draw_tail(axes, values: np.ndarray, tail: np.ndarray) -> None:
+    """Draw the tail of sorted values, and its estimates by splitting, on a logarithmic axis."""
+    count = len(values)
+    c, mean, low, high = tail[tail[:, 1] > 0.0].T
+    # ranks from the largest value on, evenly on the logarithmic axis
+    above = np.unique(np.geomspace(1, count - 1, 200).astype(int)) if count > 1 else [0]
+    shares = [share_interval(int(k), count) for k in above]
+    place = values[count - 1 - np.array(above)]
+    axes.fill_between(place, *np.transpose(shares), color=BLUE, alpha=0.2, linewidth=0.0)
+    axes.plot(place, np.array(above) / count, color=BLUE, linewidth=1.2, label="plain samples")
+    errors = mean - low, high - mean
+    axes.errorbar(
+        c, mean, errors, fmt="o", ms=3, color=ORANGE, elinewidth=0.9, label="splitting"
+    )
+    axes.set_xlabel("c")
+    # intervals that end at 0 leave the panel below
+    axes.set_ylim(0.2 * min([1.0 / count, *mean]), 1.0)
+    scale_log(axes.yaxis, axes.set_yscale)
+    axes.legend(frameon=False, fontsize=7)

@@ -11,10 +11,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from nsbench.studies.lemma.multilevel_splitting import Score, estimate_tail, place_levels
-from nsbench.studies.lemma.random_packings import LOOPS, TYPICAL_DISCS
+from nsbench.studies.lemma.multilevel_splitting import (
+    Score,
+    estimate_tail,
+    mean_interval,
+    place_levels,
+)
+from nsbench.studies.lemma.random_packings import CONFIDENCE, LOOPS, TYPICAL_DISCS, tail_share
 from nsbench.studies.packings.contact_graphs import CLEARANCE, ORTHOGONAL
 
+RARE_THRESHOLDS = (2.5, 2.7, 2.8, 2.9, 3.0, 3.05, 3.1)
 ATTEMPTS = 100  # to place one disc; of 10^5 packings all discs find a place by then
 NUMBERS = 4  # of one attempt
 KEYS = 2  # most contacts of a disc with those before it
@@ -61,3 +67,37 @@ def estimate_run(
     rng = np.random.default_rng([seed, STREAM, run])
     score = packing_score(TYPICAL_DISCS)
     return estimate_tail(score, points, steps, levels, thresholds, rng)
+
+
+def summarise_tail(tail: dict) -> np.ndarray:
+    """Return rows (c, P(C > c), low, high) of the thresholds up to the last level.
+
+    tail: "levels", "thresholds" (k,) and "estimates", one row of k per run. Intervals are those
+    over runs.
+    """
+    last = max(tail["levels"], default=-np.inf)
+    columns = np.array(tail["estimates"]).T
+    pairs = zip(tail["thresholds"], columns, strict=True)
+    rows = [(c, *mean_interval(column, CONFIDENCE)) for c, column in pairs if c <= last]
+    return np.array(rows).reshape(-1, 4)
+
+
+def compare_with_plain(tail: dict, values: np.ndarray) -> list[dict]:
+    """Return both estimates of P(C > c) with their intervals for each threshold.
+
+    values: C of packings drawn plainly. agree: the intervals have numbers in common; None where no
+    plain value is above.
+    """
+    out = []
+    for c, *splitting in summarise_tail(tail).tolist():
+        _, low, high = splitting
+        share, (least, most) = tail_share(values, c)
+        out.append(
+            {
+                "threshold": c,
+                "splitting": splitting,
+                "plain": [share, least, most],
+                "agree": least <= high and low <= most if share else None,
+            }
+        )
+    return out

@@ -10,6 +10,13 @@ from nsbench.studies.lemma import random_packings
 from nsbench.studies.lemma.exact_constant import enumerate_violation, exact_violation
 from nsbench.studies.lemma.graph_constants import listed_graphs, measure_constants
 from nsbench.studies.lemma.proven_bound import bound_equal_discs
+from nsbench.studies.lemma.rare_constants import (
+    RARE_THRESHOLDS,
+    compare_with_plain,
+    estimate_run,
+    find_levels,
+    summarise_tail,
+)
 from nsbench.studies.lemma.sweep_orders import find_best_order, median_of_random_orders
 from nsbench.studies.lemma.tables import (
     constants_table,
@@ -18,6 +25,7 @@ from nsbench.studies.lemma.tables import (
     geometry_table,
     orders_table,
     quantile_table,
+    rare_table,
     theory_table,
 )
 from nsbench.studies.lemma.theory_check import count_violations, largest_ratio
@@ -34,6 +42,10 @@ CLIMB_STEPS = 400
 PACKINGS = (2_000, 100_000)  # random packings of the distribution
 MIXED_PACKINGS = (400, 10_000)  # of many sizes, for the correlations
 BLOCK = 500  # instances or packings of one part
+RAREST = (1e-4, 1e-8)  # probability down to which the tail is followed by splitting
+TAIL_RUNS = (5, 12)  # independent ones, beside that which places the levels
+TAIL_POINTS = (60, 500)  # of one run
+TAIL_STEPS = (8, 20)  # of every point at every level
 COMPARED = (4, 200)  # packings whose ascent value is compared with the exact one
 ANNEALING_STEPS = (20_000, 200_000)
 ANNEALING_STARTS = (3, 8)
@@ -53,6 +65,8 @@ def conduct(effort: Effort) -> Finding:
     theory = _check_theory(effort)
     entries = _measure_graphs(effort)
     samples, mixed, compared = _sample_packings(effort)
+    tail = _estimate_tail(effort)
+    rare = compare_with_plain(tail, samples[:, 0])
     orders = _compare_orders(effort)
     geometries = _search_geometry(effort)
     uniform = bound_equal_discs()
@@ -61,6 +75,7 @@ def conduct(effort: Effort) -> Finding:
         constants_table(entries),
         theory_table(theory),
         quantile_table(samples[:, 0]),
+        rare_table(rare, tail, len(samples)),
         correlation_table(mixed),
         orders_table(orders),
         geometry_table(geometries, entries),
@@ -69,17 +84,20 @@ def conduct(effort: Effort) -> Finding:
         name="lemma",
         question=find_study("lemma").question,
         answer=_answer(entries, theory, uniform),
-        evidence=_evidence(entries, theory, samples, compared, orders, geometries),
+        evidence=(
+            *_evidence(entries, theory, samples, compared, orders, geometries),
+            *_rare_evidence(rare, tail),
+        ),
         refutation=REFUTATION,
         command=f"nsbench study lemma{' --full' * effort.full}",
         tables=tables,
-        figures=draw_figures(entries, geometries, samples[:, 0]),
+        figures=draw_figures(entries, geometries, samples[:, 0], summarise_tail(tail)),
         data={
             "graphs": entries,
             "seed": SEED,
             "uniform_bound": uniform,
             "theory": theory,
-            "packings": {"samples": len(samples), "compared_with_exact": compared},
+            "packings": {"samples": len(samples), "compared_with_exact": compared, "tail": tail},
             "orders": orders,
             "worst_geometries": geometries,
         },
@@ -181,6 +199,35 @@ def _sample_packings(effort: Effort) -> tuple[np.ndarray, np.ndarray, dict]:
     rows = [row for value in values for row in value]
     typical = groups[0][1]
     return np.array(rows[:typical]), np.array(rows[typical:]), found
+
+
+def _estimate_tail(effort: Effort) -> dict:
+    """Estimate P(C > c) for rare c by runs of multilevel splitting, after one for the levels."""
+    sizes = effort.choose(*TAIL_POINTS), effort.choose(*TAIL_STEPS)
+    rarest = effort.choose(*RAREST)
+    runs = effort.choose(*TAIL_RUNS)
+    (levels,) = effort.parts(
+        [Part(f"levels {sizes} {rarest}", "tail: levels", find_levels, (SEED, *sizes, rarest))]
+    )
+    thresholds = sorted({*levels, *RARE_THRESHOLDS})
+    estimates = effort.parts(
+        [
+            Part(
+                f"tail {run} {sizes} {rarest}",
+                f"tail: run {run} of {runs}",
+                estimate_run,
+                (SEED, run, *sizes, levels, thresholds),
+            )
+            for run in range(1, runs + 1)
+        ]
+    )
+    return {
+        "points": sizes[0],
+        "steps": sizes[1],
+        "levels": levels,
+        "thresholds": thresholds,
+        "estimates": estimates,
+    }
 
 
 def _compare_orders(effort: Effort) -> list[dict]:
@@ -307,4 +354,20 @@ def _evidence(entries, theory, samples, compared, orders, geometries) -> tuple[s
         f"Geometry: the worst packing of {bent['n']} discs found has a constant of at least "
         f"{_round(bent['search'], np.floor)}, against {format_number(row['exact'], 3)} of "
         f"{row['n']} discs in a row.",
+    )
+
+
+def _rare_evidence(rare: list[dict], tail: dict) -> tuple[str, ...]:
+    """Say how rare the largest constants are: of the last threshold whose interval excludes 0."""
+    named = [r for r in rare if r["threshold"] in RARE_THRESHOLDS]
+    resolved = [r for r in named if r["splitting"][1] > 0.0]
+    if not resolved:
+        return ()
+    share, low, high = (format_number(v, 2) for v in resolved[-1]["splitting"])
+    compared = [r["agree"] for r in rare if r["agree"] is not None]
+    return (
+        f"A constant above {resolved[-1]['threshold']:g} has probability {share} (95 %: {low} to "
+        f"{high}, multilevel splitting, {len(tail['estimates'])} runs of {tail['points']} "
+        f"packings); intervals of splitting and of plain sampling overlap at {sum(compared)} of the "
+        f"{len(compared)} thresholds and levels that plain samples exceed.",
     )
