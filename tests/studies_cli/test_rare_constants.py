@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from nsbench.studies.lemma.adversarial_search import search_fixed_order
+from nsbench.studies.lemma.figures import draw_distribution
 from nsbench.studies.lemma.kernels.uniform_growth import grow_uniform
 from nsbench.studies.lemma.multilevel_splitting import (
     Score,
@@ -12,13 +13,19 @@ from nsbench.studies.lemma.multilevel_splitting import (
     place_levels,
 )
 from nsbench.studies.lemma.random_packings import LOOPS
-from nsbench.studies.lemma.rare_constants import ATTEMPTS, KEYS, NUMBERS, packing_score
+from nsbench.studies.lemma.rare_constants import (
+    ATTEMPTS,
+    KEYS,
+    NUMBERS,
+    compare_with_plain,
+    packing_score,
+)
 from nsbench.studies.packings.contact_graphs import CLEARANCE, ContactGraph, _propose
 
 SUM = Score(3, [slice(k, k + 1) for k in range(3)], lambda x: x.sum())
 THRESHOLDS = [1.0, 2.3, 2.7, 2.85]
 EXACT = [5 / 6, *((3.0 - t) ** 3 / 6.0 for t in THRESHOLDS[1:])]  # of a sum of three
-DISCS = 6
+DISCS = 12
 
 
 def repeat(steps, runs=200, points=40):
@@ -101,7 +108,7 @@ def place_of(centres, numbers):
 def test_packings_of_uniform_numbers_are_those_of_grow_and_so_are_their_constants():
     rng = np.random.default_rng(8)
     score = packing_score(DISCS)
-    for _ in range(4):
+    for _ in range(12):
         x = rng.random(score.size)
         numbers = x[: DISCS * ATTEMPTS * NUMBERS].reshape(DISCS, ATTEMPTS, NUMBERS)
         keys = x[DISCS * ATTEMPTS * NUMBERS :].reshape(DISCS, KEYS)
@@ -142,3 +149,24 @@ def test_every_block_of_numbers_matters_and_no_number_lies_in_two():
     covered = np.concatenate([np.arange(b.start, b.stop) for b in score.blocks])
     first_disc = ATTEMPTS * NUMBERS + KEYS
     assert len(np.unique(covered)) == len(covered) == score.size - first_disc
+
+
+def test_both_estimates_stand_side_by_side_up_to_the_last_level():
+    tail = {"levels": [2.0], "thresholds": [1.0, 2.0, 2.5], "estimates": [[0.4, 0.1, 1], [0.6] * 3]}
+    first, second = compare_with_plain(tail, np.array([0.0, 0.5] * 20 + [1.5, 1.7]))
+    assert first["threshold"] == 1.0 and first["plain"][0] == 2 / 42
+    mean, low, high = first["splitting"]
+    # Student's t of one degree of freedom: 12.706 standard errors of 0.1
+    assert (mean, high) == pytest.approx((0.5, 0.5 + 1.2706), rel=1e-4) and low == 0.0
+    assert first["agree"] is True and second["agree"] is None
+    apart = {**tail, "estimates": [[0.50, 0.1, 0.1], [0.51, 0.1, 0.1]]}
+    assert compare_with_plain(apart, np.zeros(1000) + (np.arange(1000) < 2))[0]["agree"] is None
+    assert compare_with_plain(apart, 2.0 * (np.arange(1000) < 2))[0]["agree"] is False
+
+
+def test_one_axis_shows_what_plain_samples_and_splitting_say_of_the_tail():
+    values = np.random.default_rng(4).random(500)
+    tail = np.array([[0.5, 0.5, 0.4, 0.6], [2.0, 1e-7, 0.0, 2e-7], [2.5, 0.0, 0.0, 0.0]])
+    svg = draw_distribution(values, 0.06, tail)
+    assert "1e-06" in svg and "$" not in svg  # labels down to the rarest, in plain text
+    assert "$" not in draw_distribution(values, 0.06, np.zeros((0, 4)))
