@@ -6,5 +6,6 @@ all gaps g >= -1 and all orders,
     C  = max of max_k v'_k,        C' = max of |v'|_1 / |v|_1:
 
 `proven_bound` from above, `exact_constant` by mixed-integer programming, `adversarial_search` from
-below, `random_packings` for how likely large values are, `sweep_orders` for the best order.
+below, `random_packings` for how likely large values are, `rare_constants` for their tail,
+`sweep_orders` for the best order.
 """

@@ -21,7 +21,7 @@ from nsbench.studies.lemma.random_packings import CONFIDENCE, LOOPS, TYPICAL_DIS
 from nsbench.studies.packings.contact_graphs import CLEARANCE, ORTHOGONAL
 
 RARE_THRESHOLDS = (2.5, 2.7, 2.8, 2.9, 3.0, 3.05, 3.1)
-ATTEMPTS = 100  # to place one disc; of 10^5 packings all discs find a place by then
+ATTEMPTS = 100  # to place one disc; of 10^5 packings two need more than 50
 NUMBERS = 4  # of one attempt
 KEYS = 2  # most contacts of a disc with those before it
 STREAM = 7  # of random numbers, beside those of the study's other parts
