@@ -96,7 +96,8 @@ class Scripted:
 def place_of(centres, numbers):
     """The place that an attempt of `grow` proposes, on the left of two discs if s < 1/2."""
     for side in (-1.0, 1.0):
-        place, touched = _propose(centres, np.ones(len(centres) + 1), LOOPS, Scripted(numbers, side))
+        script = Scripted(numbers, side)
+        place, touched = _propose(centres, np.ones(len(centres) + 1), LOOPS, script)
         if place is None or len(touched) == 1:
             return place, touched
         (ax, ay), (bx, by) = centres[touched[1]] - centres[touched[0]], place - centres[touched[0]]

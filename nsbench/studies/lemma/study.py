@@ -43,9 +43,9 @@ PACKINGS = (2_000, 100_000)  # random packings of the distribution
 MIXED_PACKINGS = (400, 10_000)  # of many sizes, for the correlations
 BLOCK = 500  # instances or packings of one part
 RAREST = (1e-4, 1e-8)  # probability down to which the tail is followed by splitting
-TAIL_RUNS = (8, 10)  # independent ones, beside that which places the levels
-TAIL_POINTS = (50, 500)  # of one run
-TAIL_STEPS = (6, 20)  # of every point at every level
+TAIL_RUNS = (5, 10)  # independent ones, beside that which places the levels
+TAIL_POINTS = (100, 500)  # of one run
+TAIL_STEPS = (5, 20)  # of every point at every level
 COMPARED = (4, 200)  # packings whose ascent value is compared with the exact one
 ANNEALING_STEPS = (20_000, 200_000)
 ANNEALING_STARTS = (3, 8)
@@ -368,6 +368,6 @@ def _rare_evidence(rare: list[dict], tail: dict) -> tuple[str, ...]:
     return (
         f"A constant above {resolved[-1]['threshold']:g} has probability {share} (95 %: {low} to "
         f"{high}, multilevel splitting, {len(tail['estimates'])} runs of {tail['points']} "
-        f"packings); intervals of splitting and of plain sampling overlap at {sum(compared)} of the "
-        f"{len(compared)} thresholds and levels that plain samples exceed.",
+        f"packings); intervals of splitting and of plain sampling overlap at {sum(compared)} of "
+        f"the {len(compared)} thresholds and levels that plain samples exceed.",
     )

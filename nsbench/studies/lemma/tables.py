@@ -117,7 +117,7 @@ def quantile_table(values: np.ndarray) -> EvidenceTable:
 
 
 def rare_table(rare: list[dict], tail: dict, samples: int) -> EvidenceTable:
-    """Tabulate probabilities of constants above RARE_THRESHOLDS, plainly sampled and by splitting."""
+    """Tabulate the probabilities of rare constants by plain sampling and by splitting."""
     rows = [
         (f"{r['threshold']:g}", words, *r[method])
         for r in rare
@@ -132,8 +132,9 @@ def rare_table(rare: list[dict], tail: dict, samples: int) -> EvidenceTable:
         f"Plain sampling: {samples} packings, intervals of Clopper and Pearson. Multilevel "
         f"splitting: {len(tail['estimates'])} independent runs of {tail['points']} packings, "
         f"{tail['steps']} Markov steps of each at every one of {len(tail['levels'])} levels that "
-        "a further run placed; intervals of Student's t. C of an order is the value found by "
-        "coordinate ascent, a lower bound: the probabilities are those of this value.",
+        "a further run placed; intervals of Student's t, approximate where runs scatter much. C of "
+        "an order is the value found by coordinate ascent, a lower bound: the probabilities are "
+        "those of this value.",
     )
 
 
