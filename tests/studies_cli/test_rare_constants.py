@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from nsbench.compilation.factories import without_compilation
 from nsbench.studies.lemma.adversarial_search import search_fixed_order
 from nsbench.studies.lemma.figures import draw_distribution
 from nsbench.studies.lemma.kernels.uniform_growth import grow_uniform
@@ -129,7 +130,7 @@ def test_packings_of_uniform_numbers_are_those_of_grow_and_so_are_their_constant
             places += list(keys[k, : len(touched)])
         found = np.zeros((DISCS, 2))
         found_pairs = np.zeros((2 * DISCS, 2), np.int64)
-        m = grow_uniform(numbers, LOOPS, CLEARANCE, found, found_pairs)
+        m = without_compilation(grow_uniform)(numbers, LOOPS, CLEARANCE, found, found_pairs)
         assert found == pytest.approx(centres, abs=1e-9)
         assert found_pairs[:m].tolist() == [list(p) for p in pairs]
         graph = ContactGraph("scripted", centres, np.ones(DISCS), np.array(pairs))

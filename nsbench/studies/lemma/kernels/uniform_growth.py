@@ -88,7 +88,7 @@ def _is_clear(centres, k, touched, contacts, clearance):
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@inner_kernel
 def grow_uniform(numbers, loops, clearance, centres, pairs):
     """Grow a packing from uniform numbers (n, attempts, 4); returns its number of contacts.
 
