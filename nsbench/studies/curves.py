@@ -16,13 +16,14 @@ if TYPE_CHECKING:
 
 MARKERS = "os^Dvp*X<>"
 PANEL_INCHES = (2.9, 2.3)
-LEGEND_INCHES = 1.7  # of a legend that stands beside its panel
 MAX_LABELS = 5  # of a logarithmic axis
 MIN_DECADES = 2.0  # of an axis that is labelled by powers of ten alone
 BELOW = -0.22  # heights of a panel from its bottom to the top of a legend below its label
 LEGEND_LINE = 0.14  # inches of a line of a legend that stands below its panel
-MOST_INSIDE = 4  # curves of a legend that lies inside its panel; a longer one stands beside it
-LONGEST_INSIDE = 12  # characters of its names; with longer ones it stands below, off the curves
+# curves of a legend that lies inside its panel, and characters of its names; a longer or wider one
+# stands below, off the curves
+MOST_INSIDE = 4
+LONGEST_INSIDE = 12
 
 
 @dataclass(frozen=True)
@@ -60,25 +61,31 @@ def make_figure(panels: Sequence[Panel], columns: int = 4) -> Figure:
     from matplotlib.figure import Figure
 
     columns = min(columns, len(panels))
-    rows = -(-len(panels) // columns)
+    rows = [panels[k : k + columns] for k in range(0, len(panels), columns)]
     width, height = PANEL_INCHES
-    width += LEGEND_INCHES * any(map(_has_long_legend, panels))
-    height += LEGEND_LINE * max(len(p.curves) * _has_wide_legend(p) for p in panels)
+    heights = [height + LEGEND_LINE * max(map(_lines_below, row)) for row in rows]
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(width * columns, height * rows), facecolor="white")
-        for k, panel in enumerate(panels):
-            _draw_panel(figure.add_subplot(rows, columns, k + 1), panel)
-        figure.tight_layout(pad=0.4)
+        size = (width * columns, sum(heights))
+        figure = Figure(figsize=size, facecolor="white", layout="constrained")
+        # a row of its own for legends: in one grid all rows would be as far apart as one needs
+        parts = figure.subfigures(len(rows), 1, squeeze=False, height_ratios=heights)
+        for part, row in zip(parts[:, 0], rows, strict=True):
+            places = part.subplots(1, columns, squeeze=False)[0]
+            for axes, panel in zip(places, row, strict=False):
+                _draw_panel(axes, panel)
+            for axes in places[len(row) :]:
+                axes.set_axis_off()
     return figure
 
 
-def _has_long_legend(panel: Panel) -> bool:
-    return panel.has_legend and len(panel.curves) > MOST_INSIDE
+def _lines_below(panel: Panel) -> int:
+    return len(panel.curves) * _has_legend_below(panel)
 
 
-def _has_wide_legend(panel: Panel) -> bool:
+def _has_legend_below(panel: Panel) -> bool:
     longest = max((len(c.name) for c in panel.curves), default=0)
-    return panel.has_legend and longest > LONGEST_INSIDE and not _has_long_legend(panel)
+    is_large = len(panel.curves) > MOST_INSIDE or longest > LONGEST_INSIDE
+    return panel.has_legend and is_large
 
 
 def _draw_panel(axes, panel: Panel) -> None:
@@ -108,11 +115,8 @@ def _draw_panel(axes, panel: Panel) -> None:
     axes.set_xlabel(panel.x_label)
     axes.set_ylabel(panel.y_label)
     if panel.has_legend and panel.curves:
-        place = {}
-        if _has_long_legend(panel):
-            place = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}
-        elif _has_wide_legend(panel):
-            place = {"loc": "upper left", "bbox_to_anchor": (0.0, BELOW)}
+        below = {"loc": "upper left", "bbox_to_anchor": (0.0, BELOW)}
+        place = below if _has_legend_below(panel) else {}
         axes.legend(frameon=False, fontsize=6.5, **place)
 
 
