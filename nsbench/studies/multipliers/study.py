@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from nsbench.report.style import format_number
+from nsbench.report.style import format_count, format_number
 from nsbench.studies.finding import Effort, Finding
 from nsbench.studies.multipliers.effectivity import measure_bars
 from nsbench.studies.multipliers.equal_cost import KEPT, ZERO, best_division, spend
@@ -222,6 +222,10 @@ def _answer(columns, growth, events, costs) -> str:
     )
 
 
+def _sweeps(row: dict) -> str:
+    return format_count(row["sweeps"], "sweep")
+
+
 def _span(values: list[float]) -> str:
     ends = [format_number(f(values), 3) for f in (min, max)]
     return " to ".join(dict.fromkeys(ends))
@@ -240,7 +244,7 @@ def _evidence(growth, events, costs, bars) -> tuple[str, ...]:
     for group in _by_case(costs):
         best = best_division(group, "state")
         gain = format_number(_plain(group)["state"] / best["state"], 2)
-        gains.append(f"{best['case']} {best['sweeps']} sweeps, {best['order']} ({gain})")
+        gains.append(f"{best['case']} {_sweeps(best)}, {best['order']} ({gain})")
     said = []
     for kind in (PROVEN, "estimate"):
         own = [r for r in bars if r["kind"] == kind]
@@ -279,7 +283,7 @@ def _warm_evidence(columns, growth, costs) -> tuple[str, ...]:
             plain["reaction"] / reaction,
         )
         one, any_, push = (format_number(v, 2) for v in numbers)
-        gains.append(f"{warm['case']} {one}, {any_}, {push} ({warm['sweeps']} sweeps)")
+        gains.append(f"{warm['case']} {one}, {any_}, {push} ({_sweeps(warm)})")
     costs_of = {
         "one sweep": growth["pbd"]["over_square"],
         "a kept start and one sweep": [2.0 * v for v in growth["warm pbd"]["over_square"]],
