@@ -46,7 +46,7 @@ class Cost:
     low, high: of one run, with the quartiles over rounds. work: counted_work. h: the step (1/k or
     tolerance, see `accuracy`) that reaches the error. rounds: the fewest rounds that the seconds
     come from. session: the run of the bench in which they were measured, "" if that is not stored.
-    is_extrapolated: no run reached the error; it is where the fitted order gets there.
+    is_extrapolated: no run reached the error; the lower end of the fitted order gets there.
     """
 
     solver: str
