@@ -20,6 +20,7 @@ MAX_BYTES = 16 << 20  # of a finding
 MAX_FIGURE_BYTES = 1 << 20
 MAX_ROWS = 2000  # of a table on the page
 DIGITS = 4  # of numbers in tables
+ONE_LINE = 32  # characters of a cell that is not broken: an order with its interval, a name
 TEXTS = ("study", "question", "answer", "refutation", "command", "form")
 
 
@@ -107,7 +108,7 @@ def _cell(value: object) -> Cell:
     if value is None:
         return Cell("–", kind="quiet")
     if isinstance(value, str):
-        return Cell(sanitise(value, 200))
+        return Cell(sanitise(value, 200), kind="short" * (len(value) <= ONE_LINE))
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
         raise TypeError(f"{value!r} is neither a word nor a number")
     whole = isinstance(value, int)

@@ -170,6 +170,14 @@ def test_a_finding_is_stored_and_read(tmp_path):
     assert title == "Numbers" and [c.text for c in table.rows[1].cells] == ["b", "–"]
 
 
+def test_names_and_orders_stay_on_one_line_and_sentences_do_not(tmp_path):
+    words = ("order 1.00 [1.000, 1.000]", "A sentence of the method that says what it cannot do.")
+    table = EvidenceTable("t", "Words", ("order", "why"), (words,), "")
+    write_finding(finding(tables=(table,)), tmp_path, 1.0, full=False)
+    ((_, shown),) = read_studies(tmp_path)[0].tables
+    assert [c.kind for c in shown.rows[0].cells] == ["short", ""]
+
+
 def test_the_report_of_runs_has_a_section_on_studies(tmp_path):
     row = {"case": "tide", "solver": "pbd", "status": "ok", "h": 0.1, "state_sup": 1e-2}
     write_finding(finding(), tmp_path, 1.0, full=False)

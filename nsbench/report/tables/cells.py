@@ -13,7 +13,7 @@ class Cell:
     """One cell of a table.
 
     small: a second, quieter line. title: the sentence behind it. kind: a word that sets the tone
-    (number, flag, bad, refused, failed, quiet, best, method). span: columns taken.
+    (number, short, flag, bad, refused, failed, quiet, best, method). span: columns taken.
     """
 
     text: str

@@ -96,8 +96,8 @@ def choice_table(data: Data, summaries: Summaries) -> Table:
         "next smaller step. Errors are the largest over all samples and coordinates. “Host loop”: "
         "the seconds of that method measure the interpreter, and are fewer than those of all "
         "compiled loops that reach the error. "
-        "“Extrapolated”: no run of that method reached the error; the step is where the fitted "
-        "order gets there, in fewer seconds than any method took that did.",
+        "“Extrapolated”: no run of that method reached the error; the step is where the lower "
+        "end of the fitted order gets there, in fewer seconds than any method took that did.",
     )
 
 
