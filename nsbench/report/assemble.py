@@ -247,11 +247,11 @@ def write_case_notes(data: Data, case: str, summaries: dict[tuple, Summary]) -> 
             "method picks among the multipliers is drawn apart, as its selection; it is not an "
             "error."
         )
-    # per cents of the diameter of particles, of other cases parts of the unit of length
+    # per cents of the diameter of particles or the stated size, else parts of the unit of length
     length = data.cases.get(case, {}).get("own_length")
     for part in (1e-2, 1e-3):
         target = part * (length or 1.0)
-        of_length = f"{100 * part:g} % of the own length ({format_number(target)})"
+        of_length = f"{100 * part:g} % of the diameter or stated size ({format_number(target)})"
         limit = of_length if length else format_power(part)
         found = [cost.step_for_violation(s.runs, target) for s in own if s.runs.violates]
         found = [c for c in found if c is not None]

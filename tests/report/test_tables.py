@@ -35,7 +35,7 @@ def test_a_violation_is_in_per_cent_of_the_length_of_its_case():
 
 
 @pytest.mark.parametrize(
-    "length, said", [(6.0, "below 1 % of the own length (0.06)"), (None, "below 1e-2")]
+    "length, said", [(6.0, "below 1 % of the diameter or stated size (0.06)"), (None, "below 1e-2")]
 )
 def test_the_step_that_keeps_the_constraints_is_for_per_cents_of_the_own_length(length, said):
     rows = [row("hex", "pbd", h, state_sup=h, feasibility=0.03 * h) for h in (0.4, 0.2, 0.1)]
