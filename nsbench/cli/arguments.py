@@ -251,9 +251,10 @@ def _add_new(verbs) -> None:
 def _add_check(verbs) -> None:
     verb = _add_verb(verbs, "check", "does a case or a solver do what it says?")
     verb.add_argument(
-        "file",
+        "files",
+        nargs="+",
         metavar="FILE",
-        help="a file, such as cells.py or cells.py[n=6], or the name of a case or solver",
+        help="files, such as cells.py or cells.py[n=6], or names of cases and solvers",
     )
 
 

@@ -24,16 +24,19 @@ Say = Callable[[str], None]
 
 
 def command(args: argparse.Namespace, say: Say) -> int:
-    """Check a file, or a registered case or solver, and print each violation; 3 if there are any.
+    """Check files, or registered cases or solvers, and print each violation; 3 if there are any.
 
-    Raises FileNotFoundError or LookupError if there is none of that name.
+    Raises FileNotFoundError or LookupError if there is none of a name.
     """
-    violations = check_name(args.file, say)
-    for sentence in violations:
-        say(f"  not met: {sentence}")
-    count = f"{len(violations)} point{'s' * (len(violations) > 1)} to correct"
-    say(f"{args.file}: {count if violations else 'fine'}")
-    return FAILED if violations else FINE
+    is_fine = True
+    for name in args.files:
+        violations = check_name(name, say)
+        for sentence in violations:
+            say(f"  not met: {sentence}")
+        count = f"{len(violations)} point{'s' * (len(violations) > 1)} to correct"
+        say(f"{name}: {count if violations else 'fine'}")
+        is_fine = is_fine and not violations
+    return FINE if is_fine else FAILED
 
 
 def check_name(name: str, say: Say) -> list[str]:

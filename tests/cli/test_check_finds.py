@@ -254,3 +254,12 @@ def test_a_case_of_a_file_is_checked_with_its_parameters(tmp_path, capsys):
     assert main(["check", f"{file}[b=2.0]"]) == 3
     assert main(["check", f"{file}[c=2.0]"]) == 3
     assert "1 point to correct" in capsys.readouterr().out
+
+
+def test_several_names_are_checked_and_one_that_is_wrong_counts(tmp_path, capsys):
+    path = tmp_path / "own.py"
+    path.write_text("CASE = 3\n")
+    assert main(["check", str(path), "apple"]) == 3
+    said = capsys.readouterr().out
+    assert f"{path}: 1 point to correct" in said and "apple: fine" in said
+    assert main(["check", "apple", "tide"]) == 0
