@@ -14,6 +14,7 @@ from nsbench.cli.exit_codes import FINE
 from nsbench.input_errors import nearest
 
 TEMPLATES = Path(__file__).with_name("templates")
+CASES = {"contact": "tide", "switch": "slide_exit"}  # one that a method of each kind takes
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,79}")  # of a file that Python can import
 
 
@@ -31,6 +32,7 @@ def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
     text = (TEMPLATES / f"{args.what}_{args.kind}.txt").read_text(encoding="utf-8")
     with open(path, "x", encoding="utf-8") as file:
         file.write(text.replace("NAME", name))
-    run = f"{path}" if args.what == "case" else f"tide --solvers {path} -s {name}"
+    is_case = args.what == "case"
+    run = f"{path}" if is_case else f"{CASES[args.kind]} --solvers {path} -s {name}"
     say(f"{path}: edit it, then `nsbench check {path}` and `nsbench run {run}`")
     return FINE

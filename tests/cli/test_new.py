@@ -26,8 +26,10 @@ def test_a_method_that_is_written_takes_steps_longer_than_a_spacing(
 ):
     monkeypatch.chdir(tmp_path)
     assert main(["new", "method", f"long_{kind}", "--kind", kind]) == 0
+    assert f"nsbench run {case} --solvers" in capsys.readouterr().out
     name = solvers.load(f"long_{kind}.py")
     case = get_case(case)
+    assert not solvers.get(name).refuses(case)
     traj = solvers.solve(case, name, h=2.5 * float(case.t[1] - case.t[0]))
     assert traj.status.ok and len(traj.x) == len(case.t)
 
