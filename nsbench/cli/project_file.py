@@ -53,7 +53,8 @@ DEFAULTS = {
 def apply_project_file(args: argparse.Namespace, folder: Path | None = None) -> None:
     """Fill the options that were not given: from the file of the folder, else with defaults.
 
-    folder: None: the current one. Raises ValueError or LookupError that names file and entry.
+    args.project_entries: the entries that were used. folder: None: the current one. Raises
+    ValueError or LookupError that names file and entry.
     """
     verb = args.verb_module
     path = (folder or Path()) / NAME
@@ -65,10 +66,11 @@ def apply_project_file(args: argparse.Namespace, folder: Path | None = None) -> 
     if verb == "gate" and "dir" in given and Path(args.dir) != own_results:
         for name in ("cases", "method_files"):  # runs of another folder may be of other files
             found.pop(name, None)
-    for name, value in found.items():
-        option = _option(name, verb)
-        if option and option not in given:
-            setattr(args, option, value)
+    options = {name: _option(name, verb) for name in found}
+    used = [name for name, option in options.items() if option and option not in given]
+    for name in used:
+        setattr(args, options[name], found[name])
+    args.project_entries = used
     for option, value in DEFAULTS.get(verb, {}).items():
         if getattr(args, option) is None:
             setattr(args, option, value)

@@ -48,7 +48,10 @@ def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
         left_out |= {f"solver {name}": why for name, why in solvers.broken().items()}
     for name, why in left_out.items():
         say(f"left out: {name}: {why}")
-    code = execute(specs, Path(args.out), args, _voice(args, say))
+    voice = _voice(args, say)
+    if args.project_entries:  # a file named on the command line may run with methods of the folder
+        voice(f"from nsbench.toml: {', '.join(args.project_entries)}")
+    code = execute(specs, Path(args.out), args, voice)
     if args.json and not args.plan:
         say(json.dumps(_describe_results(Path(args.out)), indent=1))
     return code or (FAILED if left_out else FINE)

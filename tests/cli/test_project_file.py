@@ -48,6 +48,13 @@ def rows():
         return list(csv.DictReader(file))
 
 
+def test_a_run_says_what_it_takes_from_the_file(folder, capsys):
+    assert main(["run", "tide", "-s", "pbd", "--plan", "--probe", "0"]) == 0
+    assert "from nsbench.toml: method_files, h\n" in capsys.readouterr().out
+    assert main(["run", "falls.py", "--plan", "--probe", "0"]) == 0
+    assert "from nsbench.toml: methods, method_files, h\n" in capsys.readouterr().out
+
+
 @pytest.mark.long
 def test_plain_run_and_gate_do_what_the_file_says(folder, capsys):
     """Green, and red after a fault in the method."""
