@@ -44,7 +44,8 @@ def main() -> int:
             ranked = cost.rank_costs(finer, case, target)
             if choice is None or not ranked:
                 one = choice.solver if choice else "none"
-                print(f"{case:24} {target:g} said {one}, {len(ranked)} methods reach it", flush=True)
+                count = f"{len(ranked)} methods reach it"
+                print(f"{case:24} {target:g} said {one}, {count}", flush=True)
                 lost.append(float("inf") if choice or ranked else 1.0)
                 continue
             best = cost.cheapest(ranked)

@@ -83,8 +83,7 @@ def test_error_bars_are_compared_with_errors_that_are_known():
 
 
 def test_a_bound_below_an_error_is_a_contradiction(monkeypatch):
-    monkeypatch.setattr(study, "_settle_columns", lambda effort: [])
-    monkeypatch.setattr(study, "_settle_piles", lambda effort: [])
+    monkeypatch.setattr(study, "_settle", lambda *args: [])
     monkeypatch.setattr(study, "_settle_events", lambda effort: [])
     monkeypatch.setattr(study, "_divide_costs", lambda effort: [])
     bars = [{"kind": "bound", "least": 0.99, "case": "tide"}]

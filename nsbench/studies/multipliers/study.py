@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from nsbench.report.style import format_count, format_number
 from nsbench.studies.finding import Effort, Finding
 from nsbench.studies.multipliers.effectivity import measure_bars
@@ -67,8 +69,8 @@ REFUTATION = (
 
 def conduct(effort: Effort) -> Finding:
     """Conduct the study. Raises ArithmeticError where a proven bound is below an error."""
-    columns = _settle_columns(effort)
-    piles = _settle_piles(effort)
+    columns = _settle(effort, "column", follow_column, COLUMN_METHODS, COLUMNS[effort.full])
+    piles = _settle(effort, "pile", follow_pile, PILE_METHODS, PILES[effort.full])
     events = _settle_events(effort)
     costs = _divide_costs(effort)
     bars = _measure_bars(effort)
@@ -108,32 +110,18 @@ def conduct(effort: Effort) -> Finding:
     )
 
 
-def _settle_columns(effort: Effort) -> list[dict]:
+def _settle(effort: Effort, scene: str, follow: Callable, methods: tuple, sizes: tuple) -> list:
+    """Follow a scene of each size under each method until its multipliers are right."""
     return effort.parts(
         [
             Part(
-                f"column {n} {method}",
-                f"multipliers: a column of {n} discs, {method}",
-                follow_column,
-                (n, method),
+                f"{scene} {size} {method}",
+                f"multipliers: a {scene} of size {size}, {method}",
+                follow,
+                (size, method),
             )
-            for method in COLUMN_METHODS
-            for n in COLUMNS[effort.full]
-        ]
-    )
-
-
-def _settle_piles(effort: Effort) -> list[dict]:
-    return effort.parts(
-        [
-            Part(
-                f"pile {rows} {method}",
-                f"multipliers: a pile of {rows} rows, {method}",
-                follow_pile,
-                (rows, method),
-            )
-            for method in PILE_METHODS
-            for rows in PILES[effort.full]
+            for method in methods
+            for size in sizes
         ]
     )
 
