@@ -27,7 +27,7 @@ import numpy as np
 
 from nsbench.compilation import numba_cache  # noqa: F401  (configures numba)
 from nsbench.compilation.function_pointer import Pointer, pointer_to
-from nsbench.compilation.inner_compiler import COMPILER
+from nsbench.compilation.inner_compiler import INNER
 
 if TYPE_CHECKING:
     from numba.core.dispatcher import Dispatcher
@@ -44,13 +44,7 @@ __all__ = [
     "summing_kernel",
 ]
 
-_inner = functools.partial(
-    numba.njit,
-    error_model="numpy",
-    no_cpython_wrapper=True,
-    no_cfunc_wrapper=True,
-    pipeline_class=COMPILER,
-)
+_inner = functools.partial(numba.njit, error_model="numpy", **INNER)
 inner_kernel = _inner()
 # dot products may be summed in lanes
 summing_kernel = _inner(fastmath={"reassoc", "contract"})

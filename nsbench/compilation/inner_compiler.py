@@ -95,3 +95,5 @@ COMPILER = (
     if all(hasattr(codegen.JITCodeLibrary, name) for name in HOOKS)
     else compiler.Compiler
 )
+# options of numba.jit for a function that compiled functions alone call
+INNER = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "pipeline_class": COMPILER}

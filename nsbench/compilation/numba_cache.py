@@ -23,7 +23,13 @@ import re
 import stat
 from pathlib import Path
 
-from nsbench.compilation import announcement, disk_cache, garbage_collection, kernel_store
+from nsbench.compilation import (
+    announcement,
+    disk_cache,
+    garbage_collection,
+    kernel_store,
+    library_functions,
+)
 from nsbench.source_files import file_state
 from nsbench.source_files.locations import ROOT, is_in_package
 
@@ -31,7 +37,9 @@ KERNEL_FOLDERS = ("kernels", "linalg", "lcp")  # whatever lies below these is a 
 # what kernels take from the folder `compilation`
 FOR_KERNELS = tuple(
     f"compilation/{name}.py"
-    for name in ("borrowed_arrays", "decorators", "function_pointer", "inner_compiler")
+    for name in (
+        "borrowed_arrays", "decorators", "function_pointer", "inner_compiler", "library_functions",
+    )
 )
 COMPILES = re.compile(rb"^from nsbench\.compilation\.decorators import", re.M)
 
@@ -134,5 +142,6 @@ def install_cache_stamps() -> None:
 store_privately()
 install_cache_stamps()
 kernel_store.install()
+library_functions.install()
 garbage_collection.pause_while_compiling()
 announcement.listen()
