@@ -1,4 +1,4 @@
-"""How numba compiles what it calls of its own library: without machine code, strings or events.
+"""How numba compiles what it calls of its own library: without machine code or strings.
 
 numba implements numpy's functions and Python's in Python, and compiles those that a kernel calls,
 as if Python could call each of them (jit_registry says how). But kernels alone do: they take the
@@ -8,21 +8,17 @@ An assignment of an array to a slice has a message on shapes, put together from 
 on strings: they took longer to compile than most functions that contain one. Here the message names
 no shape, as in numba's code for targets without strings.
 
-Each call of LLVM told listeners of its lock, of which there are none.
-
 Another numba, which lacks one of these names, compiles as it does.
 """
 
 from __future__ import annotations
 
-import contextlib
 import functools
 from collections.abc import Callable
 
 import numba
-from llvmlite import binding
 from numba import extending
-from numba.core import base, target_extension
+from numba.core import target_extension
 from numba.np import arrayobj
 
 from nsbench.compilation.inner_compiler import INNER

@@ -3,6 +3,7 @@
 import numpy as np
 
 from nsbench.compilation.decorators import inner_kernel, njit
+from nsbench.linalg.max_norm import largest
 
 X, Y, Z = range(3)  # axes of the grid
 
@@ -63,7 +64,7 @@ def near_pairs(
     x (N,), finite: particle i has its coordinates at x[start + i dim], dim of them. r (n,): radii.
     reach: a length. Returns i and j, two int64 arrays, sorted by i then j.
     """
-    cell, first, member, num = _cells(x, start, n, dim, 2.0 * r.max() + reach)
+    cell, first, member, num = _cells(x, start, n, dim, 2.0 * largest(r) + reach)
     cap = 4 * n + 16
     pi = np.empty(cap, np.int64)
     pj = np.empty(cap, np.int64)

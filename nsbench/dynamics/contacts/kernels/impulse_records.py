@@ -99,7 +99,10 @@ def _name(id_):
 def sort_stably(key: np.ndarray, order: np.ndarray) -> np.ndarray:
     """Return the indices `order` (k,) sorted by key[order] >= 0, a key's own in their old order."""
     # counting sort: how many have a smaller key, then each to its place
-    ends = np.zeros(key.max() + 2, np.int32)
+    most = 0
+    for k in key:
+        most = max(most, k)
+    ends = np.zeros(most + 2, np.int32)
     for e in range(key.size):
         ends[key[e] + 1] += 1
     for s in range(ends.size - 1):

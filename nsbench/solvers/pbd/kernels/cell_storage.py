@@ -13,6 +13,7 @@ import numpy as np
 from nsbench.compilation.decorators import inner_kernel
 from nsbench.dynamics.contacts.kernels.constraint_order import CELL, sweep_key
 from nsbench.dynamics.contacts.kernels.contact_arrays import AffineRows
+from nsbench.linalg.max_norm import largest
 from nsbench.solvers.pbd.kernels.cell_search import by_cells, near_pairs, permute
 from nsbench.solvers.pbd.kernels.conflict_schedule import schedule
 
@@ -255,7 +256,7 @@ def sort_store(scene: CellScene, state: CellState, skin: float) -> tuple[np.ndar
     n = state.label.size
     order = state.active_base.view(np.int32)[:n]
     cell = state.active_base.view(np.int32)[n : 2 * n]
-    width = 2.0 * scene.r.max() + skin
+    width = 2.0 * largest(scene.r) + skin
     first, num = by_cells(state.y, scene.dim, width, cell, order, state.cell_row)
     permute(state.y, order, scene.dim, state.list_base)
     permute(state.reaction, order, scene.dim, state.list_base)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from nsbench.compilation.decorators import fused_kernel, inner_kernel
+from nsbench.linalg.max_norm import largest
 from nsbench.solvers.pbd.kernels.active_candidates import (
     inner_skin,
     restore_impulses,
@@ -178,14 +179,19 @@ def initialise(
     for s in range(n):  # the arrays may have been used before
         state.label[s] = s
         state.store[s] = s
-    near = np.arange(scene.rows.inv2.size if scene.moving else 0).astype(np.int32)
-    least = max(reach, 1e-8 * np.abs(x).max())
+    near = np.empty(scene.rows.inv2.size if scene.moving else 0, np.int32)
+    for e in range(near.size):
+        near[e] = e
+    radii = 0.0
+    for r in scene.r:
+        radii += r
+    least = max(reach, 1e-8 * largest(x))
     zero = np.int64(0)
     return (
         CandidateLists(arrays, no_impulses(), scene.r, near),
         ListState(zero, zero, zero, zero, False, n * n),
         Skins(least, 0.3 * least, 0.0, 0.0),
-        SkinControl(least, scene.r.mean(), 0.15, 0.0, np.inf, zero, zero),
+        SkinControl(least, radii / n, 0.15, 0.0, np.inf, zero, zero),
     )
 
 
