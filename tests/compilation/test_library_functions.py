@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 import pytest
 from numba.core import event
 
+from nsbench.compilation.decorators import njit
 from nsbench.compilation.inner_compiler import LinkedLibrary
 from nsbench.compilation.library_functions import MESSAGE
 
@@ -27,7 +27,7 @@ class Compiled(event.Listener):
 def compiled_with(function, *args):
     """Return the compiled function, and what else its first call with the arguments compiled."""
     listener = Compiled()
-    compiled = numba.njit(function)
+    compiled = njit(function)
     with event.install_listener("numba:compile", listener):
         compiled(*args)
     return compiled, [d for d in listener.dispatchers if d is not compiled]
