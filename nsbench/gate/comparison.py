@@ -28,6 +28,7 @@ OUTCOMES = (
     "missing",
     "new",
 )
+CONFIGURATION = "configuration differs"  # of all numbers of an edited case: one finding a case
 FINE = 0
 REGRESSED = 1
 NOT_COMPARED = 4
@@ -78,7 +79,7 @@ def _compare_line(fact: Fact | None, line: Line, found) -> Difference:
     differs = differing_parts(line.config, fact.config)
     if differs:
         return Difference(
-            "configuration differs",
+            CONFIGURATION,
             line.key,
             f"{' and '.join(differs)} of another version: not comparable",
         )
@@ -167,11 +168,33 @@ def count_outcomes(differences: list[Difference]) -> str:
     )
 
 
+def _findings(differences: list[Difference], outcome: str) -> list[Difference]:
+    """Return what is listed of an outcome: of configurations the first number of each case, with
+    the count of the others, since an edit of a case concerns all of them alike."""
+    some = [f for f in differences if f.outcome == outcome]
+    if outcome != CONFIGURATION:
+        return some
+    by_case: dict[str, list[Difference]] = {}
+    for f in some:
+        by_case.setdefault(f.key[0], []).append(f)
+    return [_with_count(several) for several in by_case.values()]
+
+
+def _with_count(several: list[Difference]) -> Difference:
+    """Return the first of several differences of a case; its sentence counts the others."""
+    first, *others = several
+    if not others:
+        return first
+    verb = "is" if len(others) == 1 else "are"
+    more = f"nor {verb} {format_count(len(others), 'more number')} of {first.key[0]}"
+    return Difference(first.outcome, first.key, f"{first.sentence}; {more}")
+
+
 def format_lines(differences: list[Difference]) -> list[str]:
     """Format for a terminal what is not as before, outcome by outcome, and the counts."""
     out = []
     for outcome in BAD:
-        some = [f for f in differences if f.outcome == outcome]
+        some = _findings(differences, outcome)
         out += [f"{outcome}: {' '.join(f.key)}: {f.sentence}" for f in some[:MAX_FINDINGS_LISTED]]
         if len(some) > MAX_FINDINGS_LISTED:
             out.append(f"{outcome}: and {len(some) - MAX_FINDINGS_LISTED} more")
@@ -201,7 +224,7 @@ def format_changes(
     for cause in causes:
         out += [f"{escape_markdown(cause)}.", ""]
     out += [count_outcomes(differences) + ".", ""]
-    bad = [f for outcome in BAD for f in differences if f.outcome == outcome]
+    bad = [f for outcome in BAD for f in _findings(differences, outcome)]
     if bad:
         out += ["| | case | method | at | number | |", "| --- | --- | --- | --- | --- | --- |"]
         out += [

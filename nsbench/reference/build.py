@@ -36,6 +36,7 @@ NEAR = 0.1  # of the largest state: an error that large follows no order yet
 ROUNDING = 1e-13  # relative; what sums of thousands of steps leave
 SPREAD = 10.0  # a run may be this many times the difference of two of them off a proven solution
 KINDS = ("auto", "certified", "runs")
+UNPROVEN = "the bound comes from two integrators that agree, it is not proven; no certificate"
 
 
 def build(
@@ -80,7 +81,7 @@ def build(
         ) as e:  # what a drift's own code may raise
             if kind == "certified":
                 raise ValueError(f"{case.key} is not certified: {e}") from e
-            why = f"; no certificate: {e}"
+            why = f"; {UNPROVEN}: {e}"
     ref = _two_runs(case, methods, limit, witness)
     ref = dataclasses.replace(ref, how=ref.how + why)
     store(case, ref, folder)

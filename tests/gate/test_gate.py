@@ -102,6 +102,20 @@ def test_another_configuration_is_named_and_not_compared():
     )
 
 
+def test_an_edited_case_is_one_finding_with_the_count_of_its_numbers():
+    facts = [replace(FACT, parameters=f"h={h}") for h in range(45)]
+    facts.append(replace(FACT, case="hex"))
+    edited = {f.key: replace(f, config="case=cc reference=bb") for f in facts}
+    found = compare(edited, book(*facts))
+    lines = format_lines(found)
+    assert len(lines) == 3 and lines[2] == "46 numbers: 46 configuration differs"
+    assert lines[0].startswith("configuration differs: tide pbd h=0 ")
+    assert lines[0].endswith("not comparable; nor are 44 more numbers of tide")
+    assert lines[1].endswith("not comparable") and "hex pbd" in lines[1]
+    table = [k for k in format_summary(found, 4).splitlines() if k.startswith("| configuration")]
+    assert len(table) == 2 and "nor are 44 more numbers of tide" in table[0]
+
+
 @pytest.mark.survives("another baseline")
 def test_what_one_side_lacks_is_not_fine():
     missing = compare({}, book(FACT))

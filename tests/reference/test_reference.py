@@ -366,3 +366,12 @@ def test_a_witness_whose_errors_scatter_goes_on_to_finer_steps(monkeypatch, tmp_
     monkeypatch.setattr("nsbench.solvers.solve", scattered)
     ref = reference.build(TIDE, tmp_path, PAIR, kind="runs")
     assert "pbd comes from" in ref.how and "e-05 to" in ref.how
+
+
+def test_a_reference_without_certificate_says_what_its_bound_is_and_what_would_prove_it(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setattr("nsbench.reference.certify.certificate.available", lambda: False)
+    how = reference.build(get_case("tide"), tmp_path).how
+    assert "two integrators that agree, it is not proven" in how
+    assert "pip install python-flint" in how

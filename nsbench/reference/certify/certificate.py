@@ -52,7 +52,7 @@ def available() -> bool:
 def why_not(case: Case) -> str | None:
     """Return why no certificate can be made for the case; None if it can be tried."""
     if not available():
-        return "python-flint is not installed (pip install nsbench[certify])"
+        return "python-flint is not installed (`pip install python-flint` lets one be made)"
     if not case.unique:
         return f"{case.key} has no unique solution"
     if isinstance(case.problem, (LCS, Hybrid)):
