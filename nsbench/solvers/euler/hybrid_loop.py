@@ -38,6 +38,7 @@ class HybridEuler:
         self.mode = self.system.initial
         self.passed = set()  # guards that fire no more before they were negative
         self.spent = np.zeros(len(self.system.names))
+        self.known = None  # time, mode and guards at the end of the last step without a transition
         self.events = []
         self.X = np.full((len(g.t), case.n), np.nan)
         self.W = np.full((len(g.t), self.spent.size), np.nan)
@@ -87,7 +88,9 @@ class HybridEuler:
                 if not status.ok:
                     return status
                 t = float(g.t[k]) + j * h
-                status = self._step(t, h, float(g.t[k + 1]) if j + 1 == steps else t + h)
+                is_last = j + 1 == steps
+                # the end of a step is the start of the next one to the bit: guards are kept
+                status = self._step(t, h, float(g.t[k + 1] if is_last else g.t[k] + (j + 1) * h))
             if status.ok:
                 self.X[k + 1] = self.x
                 self.W[k + 1] = self.spent
@@ -96,21 +99,36 @@ class HybridEuler:
     def _step(self, t: float, h: float, after: float) -> Status:
         """Take one step from t and make the transitions at its end, `after`."""
         system = self.system
-        before = {k: system.guard(k, t, self.x) for k in range(len(system.transitions))}
-        y = self.x + h * system.velocity(self.mode, t, self.x)
+        start = self.x
+        before = self._guards_at_start(t)
+        y = start + h * system.velocity(self.mode, t, start)
         self.spent[self.mode] += h
         if not np.all(np.abs(y) <= LARGEST_STATE):
             return ended(self.x[None], self.case.x0, t, t)
         self.x = y
         reached = {k: system.guard(k, after, y) for k in before}
-        moved = {k: abs(reached[k] - before[k]) for k in before}
+        self.known = after, self.mode, reached
         self.passed = {k for k in self.passed if reached[k] > 0.0}
         fired = [
             k
             for k in system.leaving[self.mode]
             if reached[k] > max(0.0, before[k]) and k not in self.passed
         ]
+        if not fired:
+            return self._make_transitions(after, fired, {})
+        every = range(len(system.transitions))
+        moved = {k: abs(system.guard(k, after, y) - system.guard(k, t, start)) for k in every}
+        self.known = None
         return self._make_transitions(after, fired, moved)
+
+    def _guards_at_start(self, t: float) -> dict[int, float]:
+        """Return the guards that leave the mode at (t, x), from the step before where it ended
+        there."""
+        if self.known is not None:
+            at, mode, values = self.known
+            if at == t and mode == self.mode:
+                return values
+        return {k: self.system.guard(k, t, self.x) for k in self.system.leaving[self.mode]}
 
     def _make_transitions(self, t: float, fired: list[int], moved: dict[int, float]) -> Status:
         """Make the first transition that fired, and all that are due in the modes it leads to.
