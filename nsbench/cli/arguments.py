@@ -232,6 +232,13 @@ def _add_step(verbs) -> None:
         metavar="SOLVER",
         help="methods to ask, such as pbd (default: all of the standard suite)",
     )
+    verb.add_argument(
+        "--budget",
+        type=float,
+        default=60.0,
+        metavar="S",
+        help="seconds that the runs of one method may take (default: 60)",
+    )
     verb.add_argument("--json", action="store_true", help="print the answers as JSON")
 
 

@@ -26,15 +26,20 @@ class Progress:
     """Count finished runs and print how far a study is.
 
     specs: all runs to do; jobs: workers (None: not known); say(text, end): prints; terminal: redraw
-    one line with a bar.
+    one line with a bar; limit: what is said instead of the time left, where something else than
+    the runs so far bounds it.
     """
 
-    def __init__(self, specs: list[Spec], jobs: int | None, say: Callable, terminal: bool):
+    def __init__(
+        self, specs: list[Spec], jobs: int | None, say: Callable, terminal: bool, limit: str = ""
+    ):
         self.total = len(specs)
         self.done = 0
         self.failed = 0
         self.say = say
         self.terminal = terminal
+        self.limit = limit
+        self.is_drawn = False  # is there a line on the terminal that is redrawn?
         self.start = time.monotonic()
         self.printed_at = self.start
         self.remaining = RemainingTime(specs, jobs)
@@ -44,23 +49,36 @@ class Progress:
         self.done += 1
         self.failed += row["status"] not in NO_FAILURE
         self.remaining.add(spec, row)
+        self.tell(spec.label, at_once=self.terminal and self.done == self.total)
+
+    def tell(self, label: str, at_once: bool = False) -> None:
+        """Print the line with this label, if it is time to, or `at_once`."""
         since = time.monotonic() - self.printed_at
+        if not at_once and since <= (
+            SECONDS_BETWEEN_REDRAWS if self.terminal else SECONDS_BETWEEN_LINES
+        ):
+            return
+        self.printed_at = time.monotonic()
         if self.terminal:
-            if since > SECONDS_BETWEEN_REDRAWS or self.done == self.total:
-                width = shutil.get_terminal_size().columns - 1
-                self.say("\r" + self.line(spec.label, width), end="")
-                self.printed_at = time.monotonic()
-        elif since > SECONDS_BETWEEN_LINES:
-            self.say(self.line(spec.label, PLAIN_WIDTH))
-            self.printed_at = time.monotonic()
+            width = shutil.get_terminal_size().columns - 1
+            self.say("\r" + self.line(label, width), end="")
+            self.is_drawn = True
+        else:
+            self.say(self.line(label, PLAIN_WIDTH))
+
+    def clear(self) -> None:
+        """Take the redrawn line off the terminal, for a line of another kind."""
+        if self.is_drawn:
+            self.say("\r" + " " * (shutil.get_terminal_size().columns - 1) + "\r", end="")
+            self.is_drawn = False
 
     def line(self, label: str, width: int) -> str:
-        """Format the line of progress, `width` characters long; label: the run that has ended."""
+        """Format the line of progress, `width` characters long; label: what ended, or is done."""
         from tqdm import tqdm
 
         elapsed = time.monotonic() - self.start
-        left = "time left unknown"
-        if self.done >= FIRST_ESTIMATE:
+        left = self.limit or "time left unknown"
+        if not self.limit and self.done >= FIRST_ESTIMATE:
             left = f"about {tqdm.format_interval(self.remaining.seconds(elapsed))} left"
         failures = f", {self.failed} failed" if self.failed else ""
         line = tqdm.format_meter(
@@ -77,5 +95,5 @@ class Progress:
 
     def end(self) -> None:
         """End the redrawn line."""
-        if self.terminal and self.done:
+        if self.is_drawn:
             self.say("")

@@ -147,14 +147,14 @@ def first_call(
     A run that compiles is repeated, after a call of `again`: its seconds are those of the second
     call.
     """
-    out, seconds, spent = _watched(run)
+    out, seconds, spent = watched(run)
     if spent > 0.0:
         again()
-        out, seconds, _ = _watched(run)
+        out, seconds, _ = watched(run)
     return out, seconds, spent
 
 
-def _watched(run: Callable[[], object]) -> tuple[object, float, float]:
+def watched(run: Callable[[], object]) -> tuple[object, float, float]:
     """Call `run()`; return its result, its seconds, and those of numba's compiler.
 
     The latter include loading from numba's cache.

@@ -6,7 +6,8 @@ with it: the difference over 1 - (their step) / (the step) estimates its error, 
 one, from above for a higher order; the larger one counts. Their numbers of steps are no multiples
 of its own: where a method chatters about a surface, a step and half of it can both end on that
 surface by chance. Methods that control their error by a tolerance are run at their default one, and
-what they claim is taken.
+what they claim is taken. A search ends where the next try would pass its budget of seconds, and
+says which accuracy its last error and the order of the method ask for.
 """
 
 from __future__ import annotations
@@ -25,6 +26,8 @@ from nsbench.error_bars import ErrorBars, without_error_bars
 from nsbench.problem import Complementarity
 from nsbench.solvers.base import Solver, accuracy_unit
 from nsbench.solvers.scaled_run import ScaledRun
+from nsbench.study import search_budget
+from nsbench.study.search_budget import SearchBudget
 from nsbench.trajectory import Trajectory
 
 SAFETY = 0.8  # of the error asked for, which the next run is to have
@@ -51,7 +54,9 @@ class Choice:
     if none was found. seconds: of one prepared run with it. error: bar, estimate or claim of the
     state's error there, reaction and impulse: of the multipliers (NaN where nothing is known).
     violation: largest violation of a constraint that was seen. sure: how the error is known. why: a
-    sentence where no accuracy was found, or where the estimate is not to be trusted.
+    sentence where no accuracy was found, or where the estimate is not to be trusted. needs,
+    needs_seconds: where none was found, the accuracy that would do and the seconds of one run with
+    it, both extrapolated (NaN where no run tells them).
     """
 
     method: str
@@ -64,6 +69,8 @@ class Choice:
     impulse: float = math.nan
     sure: str = ""
     why: str = ""
+    needs: float = math.nan
+    needs_seconds: float = math.nan
 
     @property
     def is_found(self) -> bool:
@@ -112,11 +119,16 @@ def _length(name: str, text: str, size: float) -> float:
 
 
 def choose(
-    case: Case, spec: str, demand: Demand, announce: Callable[[str], None] = lambda text: None
+    case: Case,
+    spec: str,
+    demand: Demand,
+    announce: Callable[[str], None] = lambda text: None,
+    budget: float = search_budget.SECONDS,
 ) -> Choice:
     """Choose the accuracy of the method `spec` for a case; what failed is told by `why`.
 
     announce: called before each run with the accuracy that is tried, which can take minutes.
+    budget: seconds that the runs of the search may take; a method with a tolerance is run once.
     """
     method = solvers.get(spec)
     refusal = method.refuses(case)
@@ -124,7 +136,7 @@ def choose(
         return Choice(spec, method.accuracy, why=refusal)
     if method.accuracy == "tol":
         return _by_claim(case, spec, method, demand)
-    return _Search(case, spec, method, demand).choice(announce)
+    return _Search(case, spec, method, demand, budget).choice(announce)
 
 
 def _by_claim(case, spec, method, demand) -> Choice:
@@ -132,7 +144,8 @@ def _by_claim(case, spec, method, demand) -> Choice:
     has_bars = getattr(method, "tol", None) is not None
     asked = min(method.default, demand.error) if has_bars else method.default
     run = ScaledRun(method, case, asked)
-    traj = run.check_and_convert(run())
+    timed = SearchBudget(method.accuracy)
+    traj = run.check_and_convert(timed.time_run(asked, run))
     if not traj.status.ok:
         return Choice(spec, "tol", why=str(traj.status))
     size = max(1.0, float(np.max(case_scale(case).state)))
@@ -151,19 +164,28 @@ def _by_claim(case, spec, method, demand) -> Choice:
         return Choice(spec, "tol", why=f"Asked for {demand.error:.2g}, {why}.")
     if violation > demand.overlap:
         return Choice(spec, "tol", why=f"It violates a constraint by {violation:.2g}.")
-    seconds = _seconds(run)
+    seconds = _seconds(run, timed.runs[asked])
     return Choice(spec, "tol", asked, seconds, error, violation, reaction, impulse, sure)
 
 
 class _Search:
     """Runs of one method with ever better accuracies until the demand is met."""
 
-    def __init__(self, case: Case, spec: str, method: Solver, demand: Demand):
+    def __init__(
+        self,
+        case: Case,
+        spec: str,
+        method: Solver,
+        demand: Demand,
+        budget: float = search_budget.SECONDS,
+    ):
         self.case = case
         self.spec = spec
         self.method = method
         self.demand = demand
         self.by_stiffness = method.accuracy == "k"
+        self.budget = SearchBudget(method.accuracy, budget)
+        self.needed = math.nan  # the accuracy that the errors so far ask for
         self.order = method.claims.state or 1.0
         span = float(case.t[-1] - case.t[0])
         self.spacing = float(np.diff(case.t).min())
@@ -176,20 +198,37 @@ class _Search:
         """Search, and describe the first accuracy that is enough."""
         value = self._printed(self.first)
         last = ""
+        within = ""
         for _ in range(RUNS):
+            if not self.budget.allows(value):
+                within = f" within {self.budget.seconds:g} s (--budget)"
+                break
             known = f" ({last})" if last else ""
             announce(f"{self.spec}: trying {self.method.accuracy} = {value:.3g}{known}")
-            run, found, ratio = self._tried(value)
+            run, found, ratio = self.budget.time_try(value, lambda v=value: self._tried(v))
             if found.is_found and ratio <= 1.0:
-                return replace(found, seconds=_seconds(run))
+                return replace(found, seconds=_seconds(run, self.budget.runs[value]))
             last = found.why or f"with {self.method.accuracy} = {value:.3g} it is {found.error:.2g}"
             if not found.is_found and not np.isfinite(ratio):
                 ratio = SAFETY / 0.5  # a run that failed says nothing of how much is missing
+                self.needed = math.nan
+            else:
+                self.needed = self._changed(value, min((SAFETY / ratio) ** (1 / self.order), 0.75))
             change = min(max((SAFETY / ratio) ** (1.0 / self.order), LEAST), 0.75)
-            value = self._printed(value / change if self.by_stiffness else value * change)
+            value = self._changed(value, change)
             if self._is_too_long(value):
                 break
-        return Choice(self.spec, self.method.accuracy, why=f"Not reached: {last.rstrip('.')}.")
+        return Choice(
+            self.spec,
+            self.method.accuracy,
+            why=f"Not reached{within}: {last.rstrip('.')}.",
+            needs=self.needed,
+            needs_seconds=self.budget.expected_run(self.needed),
+        )
+
+    def _changed(self, value: float, change: float) -> float:
+        """Return the accuracy of a step, or of 1 / k, that is `change` times as long."""
+        return self._printed(value / change if self.by_stiffness else value * change)
 
     def _printed(self, value: float) -> float:
         """Round to the digits that are printed, or to more of a step where fewer would give another
@@ -214,7 +253,7 @@ class _Search:
     def _tried(self, value: float) -> tuple[ScaledRun, Choice, float]:
         """Run with this accuracy; return the run, what it is worth, and error over demand."""
         run = ScaledRun(self.method, self.case, value)
-        traj = run.check_and_convert(run())
+        traj = run.check_and_convert(self.budget.time_run(value, run))
         known = Choice(self.spec, self.method.accuracy, why=str(traj.status))
         if not traj.status.ok:
             return run, known, math.inf
@@ -296,10 +335,15 @@ def _rounded_up(value: float, digits: int) -> float:
     return float(f"{math.ceil(value / unit * (1.0 - ROUNDING)) * unit:.{digits - 1}e}")
 
 
-def _seconds(run: ScaledRun) -> float:
-    """Return the seconds of a prepared run that was called before: the median of its rounds."""
+def _seconds(run: ScaledRun, known: float) -> float:
+    """Return the seconds of a prepared run that was called before: the median of its rounds.
+
+    known: seconds of that call, without compilation; a run that is timed once is not made again.
+    """
     from nsbench.measure import clock
 
+    if clock.rounds_of(known) <= 1:
+        return known
     _, first, _ = clock.first_call(run)
     rounds = clock.rounds_of(first)
     if rounds <= 1:

@@ -7,7 +7,9 @@ import pytest
 
 from nsbench import Case, Complementarity, Distance, Filippov, errors, get_case, solve, solvers
 from nsbench.error_bars import Bars, ErrorBars
+from nsbench.solvers.scaled_run import ScaledRun
 from nsbench.study import step_choice
+from nsbench.study.search_budget import SearchBudget
 from nsbench.study.step_choice import COMPARED, ESTIMATED, Demand, choose, demand_of
 
 
@@ -108,3 +110,40 @@ def test_an_overlap_is_seen_where_no_error_bar_can_be_had(monkeypatch):
     assert not choose(case, "pbd", Demand(0.1)).is_found
     found = choose(case, "pbd", Demand(math.inf, 0.1))
     assert found.is_found and found.violation <= 0.1 and "not known" in found.sure
+
+
+def test_a_search_ends_within_its_budget_and_says_what_it_would_take(monkeypatch):
+    """The first try takes 0.2 s, so that the next one, of 32 times as many steps, is too long."""
+    tried = []
+
+    def timed(call):
+        tried.append(call)
+        return call(), 0.05 if isinstance(call, ScaledRun) else 0.2
+
+    monkeypatch.setattr("nsbench.study.search_budget._timed", timed)
+    found = choose(get_case("sliding"), "euler", Demand(1e-3), budget=1.0)
+    assert not found.is_found and found.why.startswith("Not reached within 1 s (--budget): with h")
+    assert found.needs < 1e-3 and found.needs_seconds > 0.05 and len(tried) == 2
+    enough = choose(get_case("sliding"), "euler", Demand(1e-3), budget=100.0)
+    assert enough.is_found and 0.2 < found.needs / enough.accuracy < 5.0
+
+
+def test_seconds_of_a_try_are_those_of_the_steps_it_takes():
+    budget = SearchBudget("h", 1.0)
+    budget.tries = {0.1: 1e-3, 0.01: 1e-3, 0.001: 1e-2}
+    budget.spent = 0.012
+    assert budget.allows(1.1e-5) and not budget.allows(0.9e-5)
+    assert math.isnan(budget.expected_run(1e-4))
+    stiff = SearchBudget("k", 1.0, runs={100.0: 1e-3, 1e4: 1e-1})
+    assert stiff.expected_run(1e6) == pytest.approx(10.0)
+    assert SearchBudget("k", runs={100.0: 1e-3}).expected_run(1e4) == pytest.approx(1e-2)
+
+
+def test_a_run_that_is_timed_once_is_made_once(monkeypatch):
+    calls = []
+    case = get_case("sliding")
+    monkeypatch.setattr("nsbench.measure.clock.LONG", 0.0)
+    plain = ScaledRun.__call__
+    monkeypatch.setattr(ScaledRun, "__call__", lambda run: calls.append(1) or plain(run))
+    found = choose(case, "event_driven", Demand(1e-3))
+    assert found.is_found and len(calls) == 1
