@@ -32,6 +32,7 @@ def main(argv: list[str] | None = None) -> int:
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")
     args = build_parser().parse_args(argv)
+    args.argv = list(sys.argv[1:] if argv is None else argv)  # a report says how to repeat it
     from nsbench.execute.workers.signals import stop_signals
 
     with stop_signals(last=argv is None):

@@ -39,6 +39,8 @@ ENTRIES = {
     "baseline": (str, {"gate": "baseline"}),
     "reach": (float, {"run": "reach"}),
 }
+POSITIONAL = ("cases", "dir")
+OPTION_NAMES = {"case_files": "cases", "solver_files": "solvers"}  # where they differ
 LADDERS = ("h", "tol", "k")
 TOLERANCES = ("rtol",)
 # of options that neither the command line nor the file gives
@@ -53,8 +55,9 @@ DEFAULTS = {
 def apply_project_file(args: argparse.Namespace, folder: Path | None = None) -> None:
     """Fill the options that were not given: from the file of the folder, else with defaults.
 
-    args.project_entries: the entries that were used. folder: None: the current one. Raises
-    ValueError or LookupError that names file and entry.
+    args.project_entries: the entries that were used; their options are added to args.argv, so that
+    this repeats the runs elsewhere. folder: None: the current one. Raises ValueError or LookupError
+    that names file and entry.
     """
     verb = args.verb_module
     path = (folder or Path()) / NAME
@@ -71,9 +74,20 @@ def apply_project_file(args: argparse.Namespace, folder: Path | None = None) -> 
     for name in used:
         setattr(args, options[name], found[name])
     args.project_entries = used
+    written = [word for name in used for word in _words(options[name], found[name])]
+    args.argv = [*getattr(args, "argv", []), *written]
     for option, value in DEFAULTS.get(verb, {}).items():
         if getattr(args, option) is None:
             setattr(args, option, value)
+
+
+def _words(option: str, value: object) -> list[str]:
+    """Return an option with its value as it is written on the command line."""
+    if option in POSITIONAL:
+        return [str(v) for v in (value if isinstance(value, list) else [value])]
+    flag = f"--{OPTION_NAMES.get(option, option)}"
+    values = value if isinstance(value, list) else [value]
+    return [word for v in values for word in (flag, str(v))]
 
 
 def _option(name: str, verb: str) -> str:

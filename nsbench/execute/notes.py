@@ -7,7 +7,7 @@ methods, machine and command, and once more with the tables.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from nsbench.results import consistency
@@ -16,10 +16,17 @@ from nsbench.results.environment import environment
 from nsbench.study import describe
 
 
-def write_notes(out: Path, solvers: Iterable[str], cases: dict, fresh: bool) -> None:
+def write_notes(
+    out: Path,
+    solvers: Iterable[str],
+    cases: dict,
+    fresh: bool,
+    argv: Sequence[str] | None = None,
+) -> None:
     """Write the descriptions of the methods, by spec, of the cases, by (case, file), and of the
     machine.
 
+    argv: of the command with the options that nsbench.toml gave (None: that of the process).
     fresh: there are, or will be, new rows; else an env.json that is as it was written stays.
     Raises StoreError.
     """
@@ -27,8 +34,9 @@ def write_notes(out: Path, solvers: Iterable[str], cases: dict, fresh: bool) -> 
     write_atomically(out / "solvers.json", dump(methods))
     described = {key: describe.describe_case(case) for (key, _), case in cases.items()}
     write_atomically(out / "cases.json", dump(described))
+    command = {"folder": str(out)} | ({} if argv is None else {"argv": list(argv)})
     if fresh or not consistency.is_unmodified(out, "env.json"):
-        write_atomically(out / "env.json", dump(environment()))
+        write_atomically(out / "env.json", dump(environment(**command)))
 
 
 def dump(value: object) -> bytes:

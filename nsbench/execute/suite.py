@@ -86,7 +86,8 @@ def execute(specs: list[Spec], out: Path, args, say) -> int:
         ordered = OrderedRows(
             rows, (keys[s] for s in specs), lambda i: lost_run_row(specs[i], "error", NO_ROW)
         )
-        path = publish(out, ordered, cases, fresh=fresh, say=say, drawn=drawn)
+        argv = vars(args).get("argv")
+        path = publish(out, ordered, cases, fresh=fresh, say=say, drawn=drawn, argv=argv)
     doubtful = Counter(r["status"] for r in ordered if r["status"] not in EXPECTED_STATUSES)
     if doubtful:
         failed = sum(n for status, n in doubtful.items() if status not in NO_FAILURE)
@@ -120,7 +121,7 @@ def _complete(specs, known, journal, args, say, out) -> tuple[bool, set]:
     say(f"{len(todo)} runs ({len(specs) - len(todo)} known already), results in {out}")
     consistency.mark_stale(out)
     journal.append_plan(list(keys.values()))
-    write_notes(out, (s.solver for s in keys), cases, fresh=True)
+    write_notes(out, (s.solver for s in keys), cases, fresh=True, argv=vars(args).get("argv"))
     here = args.dask is None
     recorder = row_reuse.RowRecorder(journal, keys, parts, cases, on_this_machine=here)
     drawn = _run(todo, keys, recorder, rows, args, say, cases, out)
@@ -353,12 +354,12 @@ def _has_terminal() -> bool:
 
 
 def publish(
-    out: Path, rows: Iterable[dict], cases: dict, fresh: bool, say, drawn=frozenset()
+    out: Path, rows: Iterable[dict], cases: dict, fresh: bool, say, drawn=frozenset(), argv=None
 ) -> Path:
     """Write tables, pictures and report; returns the path of the report.
 
     Nothing is written again when nothing has changed. fresh: there are new rows; drawn: pictures
-    that were drawn by workers, as (case, file).
+    that were drawn by workers, as (case, file). argv: see nsbench.execute.notes.
     """
     contents = digest_of(
         chain((json.dumps(clean(r), sort_keys=True).encode() for r in rows), [_report_digest()])
@@ -367,7 +368,7 @@ def publish(
     if not fresh and path.exists() and consistency.is_consistent(out, contents):
         return path
     tables = store.write_tables(out, rows)
-    write_notes(out, (r["solver"] for r in rows), cases, fresh)
+    write_notes(out, (r["solver"] for r in rows), cases, fresh, argv)
     figures = out / "figures"
     figures.mkdir(exist_ok=True)
     if "sliding" not in {k for k, _ in cases}:

@@ -8,6 +8,8 @@ import pytest
 
 from nsbench.case.selection import cases_of
 from nsbench.cli import main
+from nsbench.cli.arguments import build_parser
+from nsbench.cli.project_file import apply_project_file
 
 FALLS = '''"""A point that falls onto a floor: y' = -speed + lam, 0 <= y _|_ lam >= 0."""
 import numpy as np
@@ -53,6 +55,19 @@ def test_a_run_says_what_it_takes_from_the_file(folder, capsys):
     assert "from nsbench.toml: method_files, h\n" in capsys.readouterr().out
     assert main(["run", "falls.py", "--plan", "--probe", "0"]) == 0
     assert "from nsbench.toml: methods, method_files, h\n" in capsys.readouterr().out
+
+
+def test_the_command_that_is_stored_holds_the_options_of_the_file(folder):
+    """Where there is no such file it does the same."""
+    args = build_parser().parse_args(["run", "--timeout", "9"])
+    args.argv = ["run", "--timeout", "9"]
+    apply_project_file(args)
+    again = build_parser().parse_args(args.argv)
+    (folder / "nsbench.toml").unlink()
+    apply_project_file(again)
+    for name in ("cases", "solver", "solver_files", "h", "timeout", "out", "suite"):
+        assert getattr(again, name) == getattr(args, name), name
+    assert again.cases == ["falls.py[speed=1.5]"] and again.solver == ["clip"]
 
 
 @pytest.mark.long

@@ -10,12 +10,13 @@ from nsbench.report.tables.environment_tables import citation, repeat_lines
 
 def test_the_lines_that_repeat_a_figure_run(tmp_path, monkeypatch):
     """Commands and lines as the page prints them, on rows that a study has written."""
-    env = {"argv": ["run", "tide", "-o", "/somewhere/else"], "versions": {"nsbench": "0.1.0"}}
-    lines = repeat_lines(env)
-    assert "nsbench run tide -o results\n" in lines and "somewhere" not in lines
-    (tmp_path / "results").mkdir()
+    env = {"argv": ["run", "tide", "-o", "my rows"], "folder": "my rows"}
+    lines = repeat_lines(env | {"versions": {"nsbench": "0.1.0"}})
+    assert "nsbench run tide -o 'my rows'\n" in lines and "nsbench report 'my rows' " in lines
+    assert "results" not in lines
+    (tmp_path / "my rows").mkdir()
     rows = [row("tide", "pbd", h, state_sup=h, seconds=1e-3 / h) for h in (0.1, 0.05)]
-    pandas.DataFrame(rows).to_parquet(tmp_path / "results" / "runs.parquet")
+    pandas.DataFrame(rows).to_parquet(tmp_path / "my rows" / "runs.parquet")
     monkeypatch.chdir(tmp_path)
     exec(lines[lines.index("import matplotlib") :], {})
     assert (tmp_path / "work_precision.pdf").stat().st_size > 1000
@@ -24,6 +25,11 @@ def test_the_lines_that_repeat_a_figure_run(tmp_path, monkeypatch):
 def test_names_that_no_page_can_hold_are_written_by_their_numbers():
     lines = repeat_lines({"argv": ["run", "--cases", "B\udcfccher\x1b[0m.py"]})
     assert lines.encode() and "\x1b" not in lines and "cher" in lines
+
+
+@pytest.mark.parametrize("folder", [5, None, "", ["a"]])
+def test_a_folder_that_is_no_text_stops_no_report(folder):
+    assert "nsbench report results " in repeat_lines({"folder": folder})
 
 
 @pytest.mark.parametrize("argv", [5, "run", None, [], {"a": 1}])

@@ -45,10 +45,10 @@ def repeat_lines(env: dict) -> str:
     """Write the commands that make the rows and the page again, and the lines of a figure."""
     stored = env.get("argv")
     argv = [str(a) for a in stored] if isinstance(stored, list) and stored else ["run"]
-    for k, option in enumerate(argv[:-1]):
-        if option in ("-o", "--out"):  # a folder of the machine on which the study ran
-            argv[k + 1] = "results"
-    folder = "results"
+    stored = env.get("folder")
+    out = stored if isinstance(stored, str) and stored else "results"
+    folder = sanitise(shlex.quote(out))
+    rows = sanitise(repr(f"{out}/runs.parquet"))
     return f"""\
 # nsbench {version_of(env) or UNKNOWN_VERSION}, installed as its README says
 nsbench {sanitise(shlex.join(argv))}
@@ -56,7 +56,7 @@ nsbench report {folder}        # this page, from the rows in {folder}
 
 # work-precision of a case, from runs.parquet (or runs.csv), which holds every number of this page
 import matplotlib.pyplot as plt, pandas
-rows = pandas.read_parquet("{folder}/runs.parquet")
+rows = pandas.read_parquet({rows})
 for name, runs in rows[rows["case"] == rows["case"][0]].groupby("solver"):
     runs = runs[runs["status"] == "ok"].sort_values("seconds")
     plt.loglog(runs["seconds"], runs["state_sup"], "o-", label=name)
