@@ -10,6 +10,7 @@ import shutil
 import time
 from collections.abc import Callable
 
+from nsbench.case import parse_spec
 from nsbench.execute.remaining_time import RemainingTime
 from nsbench.study import Spec
 from nsbench.trajectory import NO_FAILURE
@@ -51,8 +52,11 @@ class Progress:
         self.remaining.add(spec, row)
         self.tell(spec.label, at_once=self.terminal and self.done == self.total)
 
-    def tell(self, label: str, at_once: bool = False) -> None:
-        """Print the line with this label, if it is time to, or `at_once`."""
+    def tell(self, label: str, at_once: bool = False, left: str = "") -> None:
+        """Print the line with this label, if it is time to, or `at_once`.
+
+        left: what is said instead of the time left.
+        """
         since = time.monotonic() - self.printed_at
         if not at_once and since <= (
             SECONDS_BETWEEN_REDRAWS if self.terminal else SECONDS_BETWEEN_LINES
@@ -61,10 +65,16 @@ class Progress:
         self.printed_at = time.monotonic()
         if self.terminal:
             width = shutil.get_terminal_size().columns - 1
-            self.say("\r" + self.line(label, width), end="")
+            self.say("\r" + self.line(label, width, left), end="")
             self.is_drawn = True
         else:
-            self.say(self.line(label, PLAIN_WIDTH))
+            self.say(self.line(label, PLAIN_WIDTH, left))
+
+    def tell_compilation(self, spec: Spec) -> None:
+        """Print, if it is time to, that the kernels of this run are being compiled."""
+        name = parse_spec(spec.solver)[0]
+        seconds = self.remaining.compilation()
+        self.tell(spec.label, left=f"compiling {name}, once, about {seconds:.0f} s")
 
     def clear(self) -> None:
         """Take the redrawn line off the terminal, for a line of another kind."""
@@ -72,14 +82,15 @@ class Progress:
             self.say("\r" + " " * (shutil.get_terminal_size().columns - 1) + "\r", end="")
             self.is_drawn = False
 
-    def line(self, label: str, width: int) -> str:
+    def line(self, label: str, width: int, left: str = "") -> str:
         """Format the line of progress, `width` characters long; label: what ended, or is done."""
         from tqdm import tqdm
 
         elapsed = time.monotonic() - self.start
-        left = self.limit or "time left unknown"
-        if not self.limit and self.done >= FIRST_ESTIMATE:
+        left = left or self.limit
+        if not left and self.done >= FIRST_ESTIMATE:
             left = f"about {tqdm.format_interval(self.remaining.seconds(elapsed))} left"
+        left = left or "time left unknown"
         failures = f", {self.failed} failed" if self.failed else ""
         line = tqdm.format_meter(
             self.done,

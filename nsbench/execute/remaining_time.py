@@ -25,6 +25,8 @@ from nsbench.study import Spec
 FIXED_WORK = 5e4  # per run, in steps of one coordinate: preparation, measuring, repetitions
 FIRST_PRIOR = 3.0  # groups: weight of FIRST_COMPILATION beside what was observed
 FIRST_COMPILATION = 1.5  # seconds: the mean over groups where kernels are on the disk
+COLD_COMPILATION = 12.0  # seconds: of a group where nothing is on the disk, beside those observed
+LOADED = 2.0  # seconds: a first run that compiled for less has loaded what was stored
 LATER_PRIOR = 100.0  # runs without a compilation, beside those observed
 EMPTY_STUDY = 1e-3  # seconds that count as no time at all
 
@@ -63,6 +65,11 @@ class RemainingTime:
         first = group not in self.met
         (self.first_compilations if first else self.later_compilations).append(compilation)
         self.met.add(group)
+
+    def compilation(self) -> float:
+        """Estimate the seconds in which a group that is not on the disk is compiled."""
+        compiled = [s for s in self.first_compilations if s > LOADED]
+        return (sum(compiled) + COLD_COMPILATION) / (len(compiled) + 1)
 
     def seconds(self, elapsed: float) -> float:
         """Estimate the seconds left on the clock; elapsed: those spent."""

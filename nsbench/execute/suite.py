@@ -249,6 +249,7 @@ def _run(todo, keys, recorder, rows, args, say, cases, out) -> set[tuple[str, st
             memory_limit=args.memory,
             on_output=outputs.write,
             on_pause=write_rows,
+            on_compile=bar.tell_compilation,
         )
         return {chore.args[:2] for chore in chores_done}
     finally:

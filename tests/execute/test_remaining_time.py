@@ -2,6 +2,7 @@
 compile; a line of progress names no accuracy of a run that is refused."""
 
 import random
+import time
 
 import numpy as np
 import pytest
@@ -10,6 +11,8 @@ from nsbench.execute.forecast import MEASURE, seconds_with_repetitions, work
 from nsbench.execute.progress import Progress
 from nsbench.execute.remaining_time import FIXED_WORK, RemainingTime
 from nsbench.execute.workers.kernel_schedule import kernel_group
+from nsbench.execute.workers.pool import WorkerPool
+from nsbench.execute.workers.process import Worker
 from nsbench.study import Spec
 
 SOLVERS = {"pbd": (2e-7, 5.0), "euler": (1e-7, 15.0), "theta": (5e-7, 1.5), "kdtree": (1e-6, 0.0)}
@@ -67,3 +70,27 @@ def test_a_refused_run_has_no_accuracy_in_the_line():
     bar.step(refused, {"status": "refused"})
     assert "sliding pbd" in printed[0] and "nan" not in printed[0] and "1/1" in printed[0]
     assert bar.failed == 0
+
+
+def test_a_line_of_progress_says_what_is_compiled_and_for_how_long():
+    printed = []
+    spec = Spec("tide", "pbd[order=reverse]", "h", 0.1)
+    bar = Progress([spec], 1, lambda text, end="\n": printed.append(text), True)
+    bar.printed_at -= 1.0
+    bar.tell_compilation(spec)
+    assert "compiling pbd, once, about 12 s" in printed[0] and "0/1" in printed[0]
+    bar.remaining.add(spec, {"seconds": 1e-3, "compile_seconds": 30.0})
+    assert bar.remaining.compilation() == 21.0
+    bar.remaining.add(spec, {"seconds": 1e-3, "compile_seconds": 0.5})
+    assert bar.remaining.compilation() == 21.0
+
+
+def test_a_worker_that_waits_longer_for_a_kernel_than_loading_takes_is_compiling():
+    specs = [Spec("tide", "pbd", "h", 0.1), Spec("tide", "pbd", "h", 0.05)]
+    pool = WorkerPool([], None, None, None, 1, 1 << 30)
+    for phase, index, ago in (("compile", 1, 3.0), ("compile", 0, 0.0), ("run", 0, 9.0)):
+        since = time.monotonic() - ago
+        pool.busy.append(Worker(None, None, specs=specs, phase=phase, index=index, since=since))
+    assert pool.compiling() == [specs[1]]
+    pool.busy[0].index = -1  # compiled before the first run was announced
+    assert pool.compiling() == []

@@ -41,6 +41,7 @@ SECONDS_BETWEEN_CHECKS = 0.1  # of the limits
 SECONDS_BETWEEN_COUNTS = 1.0  # of the processes that the workers have started
 # seconds without a check: this process was stopped, or waited for its disk, and received nothing
 LONG_PAUSE = 2.0
+SECONDS_TO_LOAD = 1.0  # of a kernel that is stored on the disk: longer than that it is compiled
 SECONDS_TO_DIE = 1.0  # for a worker whose pipe has closed
 MAX_BATCH = 1000  # specs: more of one case are several batches, which several workers can take
 
@@ -59,6 +60,7 @@ def run_all(
     memory_limit: int | None = None,
     on_output: OnOutput = lambda spec, text: None,
     on_pause: Callable[[], None] = lambda: None,
+    on_compile: Callable[[Spec], None] = lambda spec: None,
 ) -> list[Chore]:
     """Run all batches on `jobs` workers, then the chores; returns the chores that were done.
 
@@ -67,7 +69,8 @@ def run_all(
     memory_limit:
     bytes that a worker may use (None: its share of the machine); on_output is called with what a
     run has printed, if anything, before on_row; on_pause is called between the rows, and every
-    SECONDS_BETWEEN_CHECKS where none comes. A signal that stops the program takes effect
+    SECONDS_BETWEEN_CHECKS where none comes, and on_compile with each run that has waited for a
+    kernel longer than a stored one takes to load. A signal that stops the program takes effect
     between two rows: the workers are stopped and KeyboardInterrupt passes on.
     """
     batches = [b[k : k + MAX_BATCH] for b in batches for k in range(0, len(b), MAX_BATCH)]
@@ -90,6 +93,8 @@ def run_all(
                 pool.receive()
                 pool.enforce_limits()
                 on_pause()
+                for spec in pool.compiling():
+                    on_compile(spec)
         finally:
             pool.stop()
     return pool.chores_done
@@ -132,6 +137,12 @@ class WorkerPool:
             worker = None if self.queue_alone else self.take_idle()
             worker = worker or self.start_process(self.locks, self.threads)
             self.assign(worker, (self.queue_alone or self.queue).pop())
+
+    def compiling(self) -> list[Spec]:
+        """Return the runs whose kernels are being compiled for longer than SECONDS_TO_LOAD."""
+        start = time.monotonic() - SECONDS_TO_LOAD
+        busy = (w for w in self.busy if w.phase == "compile" and w.since < start)
+        return [w.specs[w.index] for w in busy if w.index in range(len(w.specs))]
 
     def take_idle(self) -> Worker | None:
         """Take a worker without work that has not ended; None if there is none."""
