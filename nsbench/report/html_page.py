@@ -191,6 +191,7 @@ def _environment() -> Environment:
     )
     environment.filters["breakable"] = allow_breaks
     environment.filters["data_uri"] = _data_uri
+    environment.filters["relate_points"] = relate_points
     environment.globals |= {
         "shapes": SHAPES,
         "dashes": DASHES,
@@ -307,6 +308,36 @@ def shorten_paths(svg: str) -> str:
         return f'{match[1]}"{path}"'
 
     return re.sub(r'(<path\b[^>]*?\sd=)"([^"<>]*)"', shorter, re.sub(r">\n\s*<", "><", svg))
+
+
+def relate_points(svg: str) -> str:
+    """Write each polygon of a panel from point to point, in the same tenths.
+
+    Points lie near each other: their distances have fewer digits than their places.
+    """
+    return re.sub(r' d="((?:[ML]-?[\d.]+ -?[\d.]+)+)"', _relate, svg)
+
+
+def _relate(match: re.Match) -> str:
+    parts = []
+    last = ""
+    x = y = 0
+    for letter, a, b in re.findall(r"([ML])(\S+?) ([^ML]+)", match[1]):
+        to_x, to_y = (round(10 * float(v)) for v in (a, b))
+        moves = letter == "M"
+        numbers = (to_x, to_y) if moves else (to_x - x, to_y - y)
+        first, second = map(_tenths, numbers)
+        letter = "M" if moves else "l"
+        command = letter if moves or last != letter else "" if first[0] == "-" else " "
+        parts.append(f"{command}{first}{'' if second[0] == '-' else ' '}{second}")
+        x, y, last = to_x, to_y, letter
+    return f' d="{"".join(parts)}"'
+
+
+def _tenths(count: int) -> str:
+    """Write a number of tenths without needless digits: 0, 12, .5, -3.4."""
+    text = f"{count / 10:.1f}".removesuffix(".0")
+    return text.replace("0.", ".") if abs(count) < 10 else text
 
 
 def _data_uri(svg: str) -> str:

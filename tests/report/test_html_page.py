@@ -1,5 +1,6 @@
 """The page is rendered from templates and static files that are installed, watched and escaped."""
 
+import re
 import shutil
 import tomllib
 from fnmatch import fnmatch
@@ -92,3 +93,21 @@ def test_colours_are_defined_once():
     assert {part.split(")")[0] for part in css.split("var(--")[1:]} <= used
     assert style.LIGHT_THEME.keys() == style.DARK_THEME.keys()
     assert len(style.PALETTE) == len(style.DARK)
+
+
+def test_a_panel_keeps_its_points_when_they_are_written_from_one_to_the_next():
+    points = [(97.4, 165.0), (97.0, 21.0), (97.0, 20.5), (0.3, 20.7), (0.0, 20.7), (150.0, 5.0)]
+    path = "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in points)
+    other = '<path d="M2 2l8 8"/><text d="1.0">M1.0 2.0</text>'
+    short = html_page.relate_points(f'<svg><path d="{path}{path}" fill="none"/>{other}</svg>')
+    written = re.search(r'd="([^"]*)" fill', short)[1]
+    assert len(written) < 2 * len(path) - 20 and short.endswith(f'fill="none"/>{other}</svg>')
+    found = []
+    for polygon in written.split("M")[1:]:
+        numbers = [float(v) for v in re.findall(r"-?(?:\d+\.?\d*|\.\d+)", polygon)]
+        steps = zip(numbers[::2], numbers[1::2], strict=True)
+        x = y = 0.0
+        for a, b in steps:
+            x, y = x + a, y + b
+            found.append((round(x, 1), round(y, 1)))
+    assert found == points * 2 and written.count("l") == 2
