@@ -168,7 +168,7 @@ def assemble_content(data: Data, drawn: Figures) -> Content:
     """Compute tables and sentences, and put them around the figures."""
     s = drawn.summaries
     built = [
-        ranking_table(data),
+        ranking_table(data, s),
         choice_table(data, s),
         orders_table(s),
         speed_table(data, s),

@@ -169,6 +169,14 @@ def cost_at_error(runs: Runs, target: float, metric: str = "state_sup") -> Cost 
     )
 
 
+def least_error(runs: Runs, metric: str = "state_sup") -> float:
+    """Return the least error that cost_at_error takes for reached, that of the finest run; NaN
+    where no error is known."""
+    known = np.abs(runs.col[metric][runs.good & (runs.col["h"] > 0)])
+    known = known[np.isfinite(known)]
+    return float(known[-1]) if known.size else math.nan
+
+
 def extrapolate_cost(summary: Summary, target: float) -> Cost | None:
     """Extrapolate the cost of an error that the ladder of steps does not reach.
 

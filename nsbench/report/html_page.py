@@ -56,7 +56,7 @@ LINKED_TABLES = {  # tables to whose rows the section of a case leads, and the w
     "errors": "errors and residuals at the finest step",
 }
 PLAYER_SCRIPTS = ("charts.js", "scenes.js", "player.js", "start.js")  # of a page with one player
-SCRIPTS = ("page.js", "answer.js", "explore.js", *PLAYER_SCRIPTS)
+SCRIPTS = ("page.js", "answer.js", "explore.js", "save.js", *PLAYER_SCRIPTS)
 _URI_SAFE = " !$()*+,-./:;=?@[]^_`{|}~"  # characters that stay as they are in a data URI
 WIDE_ASPECT = 2.5  # width over height of a scene of frames side by side: above the text
 BROAD_ASPECT = 1.5  # of a plane: beside the text, but broader than a box of particles
@@ -330,7 +330,9 @@ def _relate(match: re.Match) -> str:
         letter = "M" if moves else "l"
         command = letter if moves or last != letter else "" if first[0] == "-" else " "
         parts.append(f"{command}{first}{'' if second[0] == '-' else ' '}{second}")
-        x, y, last = to_x, to_y, letter
+        x = to_x
+        y = to_y
+        last = letter
     return f' d="{"".join(parts)}"'
 
 

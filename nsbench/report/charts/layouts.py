@@ -36,9 +36,11 @@ Spec = dict
 def error_chart(methods: Methods, x_title: str, y_title: str) -> Spec:
     """Lay out errors over a step or a cost, both logarithmic.
 
-    points: rows with method, x, y, kind and tip fields h, seconds, status, bar, why. kind: "error";
+    points: rows with method, x, y, kind and tip fields methods (all whose marks coincide), h,
+    seconds, status, bar, why. kind: "error";
     "zero", an error of exactly 0, drawn at the bottom edge; "failed", a run without a number,
-    crossed at the top edge; "floor", whose y is the error of the reference, shaded below; "level",
+    crossed at the top edge; "floor", whose y is the error of the reference, shaded below, none
+    where the chart does not reach it, and whose label stands in the legend; "level",
     the best error y of a method with a tolerance, drawn across where x is a step. bar: the error
     bar in words (see without_bar_tips).
     """
@@ -47,10 +49,10 @@ def error_chart(methods: Methods, x_title: str, y_title: str) -> Spec:
     line = {"color": _colour(methods), "opacity": _opacity()}
     point = {"x": x, **_identity(methods), "tooltip": RUN_TIPS}
     failed = [*RUN_TIPS, {"field": "why"}]
-    floor = {"type": "rect", "color": "#808080", "opacity": 0.12}
+    floor = {"type": "rect", "opacity": 0.18}
     spec = _chart(
         [
-            _layer("floor", floor, {"y": y, "y2": {"value": HEIGHT}}),
+            _layer("floor", floor, {"y": y, "y2": {"value": HEIGHT}, "fill": BAND}),
             {
                 # the first layer with a legend: only there can the legend be clicked
                 "params": [PICK, ZOOM],
@@ -265,13 +267,27 @@ PICK = {"name": "pick", "select": {"type": "point", "fields": ["method"]}, "bind
 ZOOM = {"name": "zoom", "select": "interval", "bind": "scales"}
 BAR_TIP = {"field": "bar", "title": "in the 2-norm"}
 RUN_TIPS = [
-    {"field": "method"},
+    {"field": "methods", "title": "method"},
     {"field": "y", "title": "error", "format": ".3~g"},
     {"field": "h", "title": "step, 1/k or tol", "format": ".3~g"},
     {"field": "seconds", "format": ".3~g"},
     {"field": "status"},
     BAR_TIP,
 ]
+
+
+BAND = {  # of the error of the reference
+    "field": "label",
+    "type": "nominal",
+    "scale": {"range": ["#808080"]},
+    "legend": {
+        "title": None,
+        "orient": "bottom",
+        "labelLimit": 340,
+        "symbolType": "square",
+        "symbolOpacity": 0.4,
+    },
+}
 
 
 def history_chart(methods: Methods, versions: list[str], title: str) -> Spec:

@@ -15,6 +15,7 @@ import math
 import numpy as np
 
 from nsbench.report.charts.bar_texts import QUANTITIES, error_bars, measurable
+from nsbench.report.charts.coincidence import REACH, coincident_methods
 from nsbench.report.charts.layouts import (
     METRICS,
     curve_chart,
@@ -25,7 +26,13 @@ from nsbench.report.charts.layouts import (
     scatter_chart,
 )
 from nsbench.report.content import Content
-from nsbench.report.cost import Cost, cost_at_error, counted_inner_work
+from nsbench.report.cost import (
+    Cost,
+    cost_at_error,
+    counted_inner_work,
+    extrapolate_cost,
+    least_error,
+)
 from nsbench.report.data import GOOD, Runs
 from nsbench.report.panel_choice import STEP_LABEL
 from nsbench.report.style import format_power
@@ -36,6 +43,7 @@ DIGITS = 4
 TARGETS = tuple(10.0 ** (-k / 2) for k in range(2, 21))
 DEFAULT_TARGET = 4  # position of 1e-3 among TARGETS
 COSTS = {"seconds": "seconds", "rhs": "drift_calls"}
+INNER = "projections_and_inner_iterations"  # counted_inner_work, which is no column
 SAME_STEP = 1e-6  # relative difference below which two accuracies are the same
 MAX_RUNS = 200  # of one method on one case; more are thinned evenly
 
@@ -94,12 +102,17 @@ def payload(content: Content) -> dict:
     """Collect the data of the page.
 
     targets, labels: errors of the slider. methods, cases: what is shown of each. pairs: one entry
-    per method and case (see `_pair`). layouts: the charts without data. scenes: players by case.
+    per method and case (see `_pair`). groups: methods whose marks coincide in some chart. columns:
+    of the results, by metric and cost. reach: see coincidence. layouts: the charts without data.
     """
     data = content.data
     position = {solver: k for k, solver in enumerate(data.specs)}
     cases = data.case_keys
     methods = [(solver, content.looks[solver]) for solver in data.specs]
+    pairs = [
+        _pair(summary, cases.index(case), position[solver])
+        for (case, solver), summary in content.summaries.items()
+    ]
     return {
         "targets": [_number(t) for t in TARGETS],
         "labels": [_label(t) for t in TARGETS],
@@ -117,10 +130,10 @@ def payload(content: Content) -> dict:
             }
             for case in cases
         ],
-        "pairs": [
-            _pair(summary, cases.index(case), position[solver])
-            for (case, solver), summary in content.summaries.items()
-        ],
+        "pairs": pairs,
+        "groups": group_coincident(pairs),
+        "columns": {**METRICS, "h": "h", **COSTS, "inner": INNER},
+        "reach": REACH,
         "layouts": {
             "error": error_chart(methods, "", ""),
             "profile": profile_chart(methods),
@@ -133,6 +146,49 @@ def payload(content: Content) -> dict:
     }
 
 
+def group_coincident(pairs: list[dict]) -> list[list[int]]:
+    """Note in each pair, by metric and cost, the methods whose marks coincide with a run's.
+
+    pairs: as `_pair` returns them; each gets the entry `together`: by "metric/cost" a list with the
+    number of a group for each run, -1 for a run whose mark is alone, of charts that have a group.
+    Returns the groups, lists of methods by number.
+    """
+    groups: dict[tuple, int] = {}
+    of_case: dict[int, list[dict]] = {}
+    for pair in pairs:
+        pair["together"] = {}
+        if pair["word"] != "refused":  # charts leave these out
+            of_case.setdefault(pair["c"], []).append(pair)
+    for own in of_case.values():
+        for chart in ((y, x) for y in ("force", *METRICS) for x in ("h", *COSTS, "inner")):
+            marks = [mark for pair in own for mark in _marks(pair, *chart)]
+            for mark, methods in zip(marks, coincident_methods(marks), strict=True):
+                if len(methods) > 1:
+                    together = mark["pair"]["together"]
+                    alone = [-1] * len(mark["pair"]["status"])
+                    group = groups.setdefault(tuple(methods), len(groups))
+                    together.setdefault("/".join(chart), alone)[mark["run"]] = group
+    return [list(methods) for methods in groups]
+
+
+def _marks(pair: dict, y: str, x: str) -> list[dict]:
+    """The marks of a method in the chart of errors y over x, as the page draws them."""
+    errors = pair[y]
+    own = {"method": pair["m"], "pair": pair}
+    mark = lambda k, kind: {**own, "kind": kind, "run": k, "y": errors[k]}
+    if x == "h" and pair["accuracy"] == "tol":
+        known = [k for k, e in enumerate(errors) if pair["good"][k] and e]
+        return [mark(min(known, key=errors.__getitem__), "level")] if known else []
+    out = []
+    for k, at in enumerate(pair[x]):
+        good = pair["good"][k]
+        if at and at > 0.0 and good and errors[k] is not None:
+            out.append({**mark(k, "error" if errors[k] > 0.0 else "zero"), "x": at})
+        elif at and at > 0.0 and not good and pair["status"][k] != "refused":
+            out.append({**mark(k, "failed"), "x": at})
+    return out
+
+
 def _label(target: float) -> str:
     """1e-3, and 3e-4 for the half decades."""
     return format_power(float(f"{target:.0e}"))
@@ -142,7 +198,9 @@ def _pair(summary: Summary, case: int, method: int) -> dict:
     """One method on one case: its runs by column, its orders, and its cost at every target.
 
     cost: one entry per target, null where the error is not reached, else [seconds, lower quartile,
-    upper quartile, step, 1 if these are upper bounds]. bars: by metric, of those that have some,
+    upper quartile, step, 1 if these are upper bounds]. best: the least error that is reached.
+    needs: one entry per target, null or [step, seconds] that reach it by extrapolation; [] without
+    any. bars: by metric, of those that have some,
     one entry per run: null, or [kind, error bar, error, 1 if that error is measurable], both in the
     2-norm.
     """
@@ -171,6 +229,8 @@ def _pair(summary: Summary, case: int, method: int) -> dict:
         },
         "floors": {"state": _number(runs.floor("state_sup")), "force": _number(runs.floor(force))},
         "cost": [_cost(cost_at_error(runs, t)) for t in TARGETS],
+        "best": _number(least_error(runs)),
+        "needs": _needs(summary),
         "bars": _bars(runs, {"state": "state_sup", "force": force}, kept),
     }
     out |= {key: column(name) for key, name in {**METRICS, **COSTS}.items()}
@@ -206,6 +266,17 @@ def _cost(cost: Cost | None) -> list | None:
         return None
     numbers = (cost.seconds, cost.low, cost.high, cost.h)
     return [*(_number(v) for v in numbers), int(cost.at_most)]
+
+
+def _needs(summary: Summary) -> list:
+    """[step, seconds] that reach each target by extrapolation, null where none are known; [] where
+    none is known at all."""
+    found = [extrapolate_cost(summary, t) for t in TARGETS]
+    known = [c is not None and c.seconds > 0.0 for c in found]
+    if not any(known):
+        return []
+    each = zip(found, known, strict=True)
+    return [[_number(c.h), _number(c.seconds)] if k else None for c, k in each]
 
 
 def _numbers(values: np.ndarray) -> list:

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from nsbench.report.charts.bar_texts import describe_bars
+from nsbench.report.charts.coincidence import REACH, name_together
 from nsbench.report.charts.files import with_data
 from nsbench.report.charts.layouts import (
     METRICS,
@@ -23,7 +24,7 @@ from nsbench.report.charts.layouts import (
 )
 from nsbench.report.data import Data, Runs, read
 from nsbench.report.panel_choice import STEP_LABEL
-from nsbench.report.style import Look, assign_looks
+from nsbench.report.style import Look, assign_looks, format_number
 from nsbench.report.summary import summarise
 from nsbench.trajectory import Trajectory
 
@@ -134,9 +135,12 @@ def _errors(data: Data, case, metric: str, axis: tuple[str, str], highlight: str
     column = METRICS.get(metric, "impulse" if unique else "reaction")
     points = [p for runs in found for p in _points(runs, column, x)]
     floor = max((runs.floor(column) for runs in found), default=0.0)
-    errors = [p["y"] for p in points if p["kind"] == "error"]
-    if errors and floor > min(errors):
-        points.append({"kind": "floor", "y": floor})
+    name_together(points)
+    errors = [p["y"] for p in points if p["kind"] in ("error", "level")]
+    if errors and floor > 0.0:
+        label = f"error of the reference, at most {format_number(floor)}"
+        band = floor if floor * REACH >= min(errors) else None
+        points.append({"kind": "floor", "y": band, "label": label})
     used = {p.get("method") for p in points}
     if highlight and highlight not in used:
         raise ValueError(f"{highlight!r} has no run of {case} to highlight")

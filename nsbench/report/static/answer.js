@@ -68,6 +68,7 @@ const answer = {
         orders: [],
         errors: [], // least errors of multipliers that have no order, and are they below a floor
         accuracy: pair.accuracy,
+        misses: [], // of the cases where it does not reach the error
       };
       rows.set(pair.m, row);
       row.tried += pair.word === "refused" ? 0 : 1;
@@ -81,6 +82,7 @@ const answer = {
         row.errors.push(...least.map((v) => [Math.max(v, floor), v < floor ? "< " : ""]));
       }
       row.reached += pair.cost[k] ? 1 : 0;
+      row.misses.push(...(pair.cost[k] ? [] : [pair]));
       const cost = answer.timed(pair, k);
       row.untimed += pair.cost[k] && !cost ? 1 : 0;
       if (cost) {
@@ -131,7 +133,7 @@ const answer = {
     document.getElementById("answer-error").setAttribute("aria-valuetext", `error ${label}`);
     const { rows, best, cases } = answer.rank(k);
     answer.sentence(rows, best, cases, label);
-    answer.table(rows, best, cases);
+    answer.table(k, rows, cases);
     answer.byCase(k, best, cases);
     answer.profile(k, best, cases);
   },
@@ -166,7 +168,9 @@ const answer = {
     );
   },
 
-  table(rows, best, cases) {
+  table(k, rows, cases) {
+    const several = cases.length > 1;
+    const named = (pair) => (several ? nsbench.data.cases[pair.c].name : null);
     const body = document.querySelector("#t-answer tbody");
     const least = rows.find((row) => row.timed)?.mean;
     body.replaceChildren(
@@ -180,17 +184,40 @@ const answer = {
         const line = nsbench.make("tr", { "data-method": nsbench.data.methods[row.method].name });
         line.append(
           nsbench.make("td", { class: "method" }, explore.chartLink(row.method, null, cases)),
-          cell(row.timed ? `× ${nsbench.format(row.mean / least)}` : "not compared"),
+          row.reached ? cell(row.timed ? `× ${nsbench.format(row.mean / least)}` : "not compared")
+            : answer.missed(row.misses, k, named),
           reached,
           cell(row.timed || !row.untimed ? `${row.cheapest}${tie}` : "not compared"),
-          cell(row.timed ? `× ${nsbench.format(answer.median(row.factors))}` : "none"),
-          cell(row.steps.length ? answer.setting(row) : "none"),
+          cell(row.timed ? `× ${nsbench.format(answer.median(row.factors))}`
+            : row.reached ? "not compared" : "not reached"),
+          cell(row.steps.length ? answer.setting(row) : "not reached"),
           cell(String(row.failed)),
           cell(answer.multipliers(row))
         );
         return line;
       })
     );
+  },
+
+  // A cell for an error that none of these pairs reaches: the least error, and the step of the
+  // fewest seconds that would reach it. label: the name of a pair, or null.
+  missed(pairs, k, label) {
+    const name = (pair) => (label(pair) === null ? "" : ` (${label(pair)})`);
+    const cell = nsbench.make("td", { class: "quiet missed" });
+    const known = pairs.filter((pair) => pair.best !== null).sort((a, b) => a.best - b.best);
+    const nearest = known.length ? `best ${nsbench.format(known[0].best)}${name(known[0])}`
+      : "no error known";
+    cell.append(`not reached; ${nearest}`);
+    const rank = (pair) => [pair.loop !== "compiled", pair.needs[k][1]];
+    const found = pairs.filter((pair) => pair.needs[k])
+      .sort((a, b) => rank(a)[0] - rank(b)[0] || rank(a)[1] - rank(b)[1])[0];
+    if (found) {
+      const [step, seconds] = found.needs[k];
+      const setting = answer.setting({ steps: [step], accuracy: found.accuracy });
+      const words = `needs ${setting}, about ${nsbench.seconds(seconds)} (extrapolated)`;
+      cell.append(nsbench.make("small", {}, words + name(found)));
+    }
+    return cell;
   },
 
   setting(row) {
@@ -212,8 +239,11 @@ const answer = {
         const cell = (text) => nsbench.make("td", { class: "number" }, text);
         if (!found.length) {
           const known = nsbench.data.pairs.some((pair) => pair.c === c && pair.cost[k]);
-          const why = known ? "only host loops reach it" : "not reached";
-          line.append(nsbench.make("td", { class: "quiet", colspan: "5" }, why));
+          const own = nsbench.data.pairs.filter((pair) => pair.c === c);
+          const cell = known ? nsbench.make("td", { class: "quiet" }, "only host loops reach it")
+            : answer.missed(own, k, (pair) => nsbench.data.methods[pair.m].name);
+          cell.setAttribute("colspan", "5");
+          line.append(cell);
           return line;
         }
         const [first, second] = found;
@@ -263,8 +293,10 @@ const answer = {
     const description =
       "Performance profiles: for each method the share of the cases that it solves within a " +
       "factor of the seconds of the fastest. The table above has the same numbers.";
+    const file = `share_of_cases_${nsbench.data.labels[k]}`;
+    const usermeta = { file, names: { x: "factor", y: "share" } };
     return nsbench.draw(document.getElementById("answer-chart"),
-      nsbench.spec("profile", rows), description);
+      nsbench.spec("profile", rows, (s) => Object.assign(s, { usermeta })), description);
   },
 
   start() {

@@ -161,6 +161,7 @@ const nsbench = {
     });
     element.dataset.drawn = "yes";
     nsbench.drawn.set(element, { spec, description, result });
+    save.offer(element);
     return result;
   },
 
@@ -168,6 +169,7 @@ const nsbench = {
   say(element, sentence) {
     nsbench.drawn.get(element)?.result?.finalize();
     nsbench.drawn.delete(element);
+    save.withdraw(element);
     element.replaceChildren(nsbench.make("p", { class: "note" }, sentence));
     element.dataset.drawn = "empty";
   },
@@ -196,12 +198,15 @@ const nsbench = {
     const methods = nsbench.data.methods;
     for (const pair of pairs) {
       const method = methods[pair.m].name;
+      const together = (k) => nsbench.together(pair, `${y}/${x}`, k);
       if (x === "h" && pair.accuracy === "tol") {
         const found = pair[y].map((error, k) => (pair.good[k] && error > 0 ? error : Infinity));
         const least = Math.min(...found);
         if (least < Infinity) {
-          const bar = nsbench.barText(pair.bars[y]?.[found.indexOf(least)]) || "none";
-          rows.push({ method, kind: "level", y: least, status: "ok", bar });
+          const at = found.indexOf(least);
+          const bar = nsbench.barText(pair.bars[y]?.[at]) || "none";
+          const level = { method, methods: together(at), kind: "level", y: least };
+          rows.push({ ...level, status: "ok", bar });
         }
         continue;
       }
@@ -212,7 +217,8 @@ const nsbench = {
           return;
         }
         const bar = nsbench.barText(pair.bars[y]?.[k]) || "none";
-        const row = { method, x: at, h: pair.h[k], seconds: pair.seconds[k], status, bar };
+        const named = { method, methods: together(k), status, bar };
+        const row = { ...named, x: at, h: pair.h[k], seconds: pair.seconds[k] };
         if (pair.good[k] && error !== null) {
           rows.push({ ...row, y: error, kind: error > 0 ? "error" : "zero" });
         } else if (!pair.good[k] && status !== "refused") {
@@ -221,10 +227,19 @@ const nsbench = {
       });
     }
     const floor = Math.max(0, ...pairs.map((pair) => (pair.floors[y] || 0)));
-    const least = Math.min(...rows.filter((row) => row.kind === "error").map((row) => row.y));
-    if (floor > 0 && floor > least) {
-      rows.push({ kind: "floor", y: floor });
+    const errors = rows.filter((row) => ["error", "level"].includes(row.kind)).map((row) => row.y);
+    if (floor > 0 && errors.length) {
+      const label = `error of the reference, at most ${nsbench.format(floor)}`;
+      const inView = floor * nsbench.data.reach >= Math.min(...errors);
+      rows.push({ kind: "floor", y: inView ? floor : null, label });
     }
     return rows;
+  },
+
+  // The names of all methods whose marks lie where that of run k of a pair does.
+  together(pair, chart, k) {
+    const { methods, groups } = nsbench.data;
+    const group = groups[pair.together[chart]?.[k] ?? -1] ?? [pair.m];
+    return group.map((m) => methods[m].name).join(", ");
   },
 };

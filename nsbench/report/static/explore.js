@@ -32,7 +32,14 @@ const explore = {
       if (!rows.some((row) => row.kind === "error")) {
         return nsbench.say(chart, `No run of ${name} with a step has a number above 0 here.`);
       }
+      const { columns } = nsbench.data;
+      const force = pairs[0].metric;
       const spec = nsbench.spec("error", rows, (s) => {
+        s.usermeta = {
+          file: `${name}_${metric.value}_${cost.value}`,
+          names: { x: columns[cost.value], y: columns[metric.value] ?? force },
+          every: { case: name },
+        };
         for (const layer of s.layer) {
           layer.encoding.x && (layer.encoding.x.title = titles[cost.value]);
           layer.encoding.y?.field && (layer.encoding.y.title = explore.METRICS[metric.value]);
@@ -122,6 +129,8 @@ const explore = {
         rows.push({ kind: "equal", x: end, y: end });
       }
       const spec = nsbench.spec("scatter", rows, (s) => {
+        const [x, y] = [a, b].map((m) => `seconds of ${names[m][1]}`);
+        s.usermeta = { file: `seconds_${label}`, names: { x, y, group: "problem" } };
         for (const layer of s.layer) {
           layer.encoding.x.title = `seconds of ${names[a][1]}`;
           layer.encoding.y.title = `seconds of ${names[b][1]}`;
@@ -161,7 +170,9 @@ const explore = {
       for (const end of [Math.min(...all), Math.max(...all)]) {
         rows.push({ kind: "equal", x: end, y: end });
       }
-      return nsbench.draw(chart, nsbench.spec("bars", rows),
+      const norm = metric.value === "state" ? "state_norm" : "reaction_norm";
+      const usermeta = { file: `error_bars_${what}`, names: { x: norm, y: "error_bar" } };
+      return nsbench.draw(chart, nsbench.spec("bars", rows, (s) => Object.assign(s, { usermeta })),
         `Error bars of the ${what} over the errors of the same runs, one point for each run.`);
     };
     metric.addEventListener("input", draw);
@@ -184,7 +195,8 @@ const explore = {
       if (!rows.length) {
         return nsbench.say(chart, `No order of the ${what} could be fitted.`);
       }
-      return nsbench.draw(chart, nsbench.spec("order", rows),
+      const usermeta = { file: `orders_${what}`, names: { x: "order" } };
+      return nsbench.draw(chart, nsbench.spec("order", rows, (s) => Object.assign(s, { usermeta })),
         `Orders of convergence of the ${what} with their 95 % intervals, by case and method.`);
     };
     metric.addEventListener("input", draw);

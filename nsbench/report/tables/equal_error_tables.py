@@ -9,10 +9,12 @@ from nsbench.report.cost import (
     Cost,
     cheaper_extrapolated,
     cheapest,
+    cheapest_extrapolated,
     count_cheapest,
     extrapolate_cost,
     format_extrapolated,
     format_setting,
+    least_error,
     rank_costs,
     ratio_of_seconds,
     ratio_of_work,
@@ -25,6 +27,7 @@ from nsbench.report.style import (
     TIMES,
     format_count,
     format_factor,
+    format_number,
     format_power,
     format_seconds,
     method_of,
@@ -35,10 +38,11 @@ from nsbench.report.tables.cells import Cell, Row, Table
 Summaries = dict[tuple[str, str], Summary]  # by case and method
 
 
-def ranking_table(data: Data) -> Table:
+def ranking_table(data: Data, summaries: Summaries) -> Table:
     """Build the table method x error: on how many cases it reaches the error and is the cheapest.
 
-    Methods come by the number of cases on which they reach the smallest errors.
+    Where it reaches it on none: how near it came, and the step it needs by extrapolation. Methods
+    come by the number of cases on which they reach the smallest errors.
     """
     ranked = {t: [rank_costs(data, case, t) for case in data.case_keys] for t in TARGETS}
     if not any(found for costs in ranked.values() for found in costs):
@@ -51,7 +55,11 @@ def ranking_table(data: Data) -> Table:
     rows = []
     for solver in sorted(data.specs, key=lambda s: (*(-n for n in reversed(reached[s])), s)):
         cells = [Cell(solver, kind="method")]
+        tried = [s for (_, name), s in summaries.items() if name == solver]
         for target, n in zip(TARGETS, reached[solver], strict=True):
+            if not n:
+                cells.append(_shortfall(tried, target, len(data.case_keys) > 1))
+                continue
             own = [c for found in ranked[target] for c in found if c.solver == solver]
             hosted = own and all(c.loop != "compiled" for c in own) and not first[target][solver]
             won = "not compared" if hosted else f"cheapest on {first[target][solver]}"
@@ -62,8 +70,26 @@ def ranking_table(data: Data) -> Table:
         ("method", *(f"error {format_power(t)}" for t in TARGETS)),
         tuple(rows),
         f"Of {format_count(len(data.case_keys), 'case')}. A method that refuses a case does not "
-        "reach its error. Only compiled loops are compared in seconds.",
+        "reach its error. Only compiled loops are compared in seconds. Best: the least error of a "
+        "finest run.",
     )
+
+
+def _shortfall(tried: list[Summary], target: float, names_case: bool) -> Cell:
+    """How near a method came to an error that it reaches on no case, and what would reach it.
+
+    names_case: name the case of the least error, and that of the fewest extrapolated seconds.
+    """
+    name = lambda summary: f" ({summary.runs.case})" if names_case else ""
+    known = [(e, s) for s in tried if np.isfinite(e := least_error(s.runs))]
+    if not known:
+        return Cell("not reached", "no error known", kind="quiet")
+    best, nearest = min(known, key=lambda pair: pair[0])
+    found = cheapest_extrapolated(tried, target)
+    further = "" if found is None else format_extrapolated(found)
+    text = f"not reached; best {format_number(best)}{name(nearest)}"
+    case = next((s for s in tried if further and extrapolate_cost(s, target) == found), None)
+    return Cell(text, further + (name(case) if case else ""), kind="quiet")
 
 
 def choice_table(data: Data, summaries: Summaries) -> Table:
