@@ -39,8 +39,8 @@ def error_chart(methods: Methods, x_title: str, y_title: str) -> Spec:
     points: rows with method, x, y, kind and tip fields methods (all whose marks coincide), h,
     seconds, status, bar, why. kind: "error";
     "zero", an error of exactly 0, drawn at the bottom edge; "failed", a run without a number,
-    crossed at the top edge; "floor", whose y is the error of the reference, shaded below, none
-    where the chart does not reach it, and whose label stands in the legend; "level",
+    crossed at the top edge; "floor", whose y is the error of the reference, shaded below, and
+    "far_floor", to which the chart does not reach, both with a label for the legend; "level",
     the best error y of a method with a tolerance, drawn across where x is a step. bar: the error
     bar in words (see without_bar_tips).
     """
@@ -50,9 +50,11 @@ def error_chart(methods: Methods, x_title: str, y_title: str) -> Spec:
     point = {"x": x, **_identity(methods), "tooltip": RUN_TIPS}
     failed = [*RUN_TIPS, {"field": "why"}]
     floor = {"type": "rect", "opacity": 0.18}
+    edge = {"value": HEIGHT}
     spec = _chart(
         [
-            _layer("floor", floor, {"y": y, "y2": {"value": HEIGHT}, "fill": BAND}),
+            _layer("floor", floor, {"y": y, "y2": edge, "fill": BAND}),
+            _layer("far_floor", floor, {"y": edge, "y2": edge, "fill": BAND}),
             {
                 # the first layer with a legend: only there can the legend be clicked
                 "params": [PICK, ZOOM],
@@ -276,20 +278,6 @@ RUN_TIPS = [
 ]
 
 
-BAND = {  # of the error of the reference
-    "field": "label",
-    "type": "nominal",
-    "scale": {"range": ["#808080"]},
-    "legend": {
-        "title": None,
-        "orient": "bottom",
-        "labelLimit": 340,
-        "symbolType": "square",
-        "symbolOpacity": 0.4,
-    },
-}
-
-
 def history_chart(methods: Methods, versions: list[str], title: str) -> Spec:
     """Lay out a number of every method over the versions, in their order.
 
@@ -360,6 +348,12 @@ def _identity(methods: Methods) -> Spec:
 
 
 LEGEND = {"title": None, "orient": "bottom", "columns": 4, "labelLimit": 240}
+BAND = {  # of the error of the reference
+    "field": "label",
+    "type": "nominal",
+    "scale": {"range": ["#808080"]},
+    "legend": {**LEGEND, "labelLimit": 340, "symbolType": "square", "symbolOpacity": 0.4},
+}
 
 
 def _channel(methods: Methods, values: list) -> Spec:

@@ -139,8 +139,8 @@ def _errors(data: Data, case, metric: str, axis: tuple[str, str], highlight: str
     errors = [p["y"] for p in points if p["kind"] in ("error", "level")]
     if errors and floor > 0.0:
         label = f"error of the reference, at most {format_number(floor)}"
-        band = floor if floor * REACH >= min(errors) else None
-        points.append({"kind": "floor", "y": band, "label": label})
+        kind = "floor" if floor * REACH >= min(errors) else "far_floor"
+        points.append({"kind": kind, "y": floor, "label": label})
     used = {p.get("method") for p in points}
     if highlight and highlight not in used:
         raise ValueError(f"{highlight!r} has no run of {case} to highlight")

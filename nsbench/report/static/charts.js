@@ -231,7 +231,7 @@ const nsbench = {
     if (floor > 0 && errors.length) {
       const label = `error of the reference, at most ${nsbench.format(floor)}`;
       const inView = floor * nsbench.data.reach >= Math.min(...errors);
-      rows.push({ kind: "floor", y: inView ? floor : null, label });
+      rows.push({ kind: inView ? "floor" : "far_floor", y: floor, label });
     }
     return rows;
   },
