@@ -207,7 +207,7 @@ const answer = {
     const known = pairs.filter((pair) => pair.best !== null).sort((a, b) => a.best - b.best);
     const nearest = known.length ? `best ${nsbench.format(known[0].best)}${name(known[0])}`
       : "no error known";
-    cell.append(`not reached; ${nearest}`);
+    cell.append(...answer.unbroken(`not reached; ${nearest}`));
     const rank = (pair) => [pair.loop !== "compiled", pair.needs[k][1]];
     const found = pairs.filter((pair) => pair.needs[k])
       .sort((a, b) => rank(a)[0] - rank(b)[0] || rank(a)[1] - rank(b)[1])[0];
@@ -215,9 +215,15 @@ const answer = {
       const [step, seconds] = found.needs[k];
       const setting = answer.setting({ steps: [step], accuracy: found.accuracy });
       const words = `needs ${setting}, about ${nsbench.seconds(seconds)} (extrapolated)`;
-      cell.append(nsbench.make("small", {}, words + name(found)));
+      cell.append(nsbench.make("small", {}, ...answer.unbroken(words + name(found))));
     }
     return cell;
+  },
+
+  // The parts of a sentence: no line breaks at the hyphen of 1.1e-15.
+  unbroken(sentence) {
+    return sentence.split(/(\d[\d.]*e-\d+)/)
+      .map((part, i) => (i % 2 ? nsbench.make("span", { class: "n" }, part) : part));
   },
 
   setting(row) {
