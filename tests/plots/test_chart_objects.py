@@ -22,7 +22,8 @@ def points(chart):
 
 
 def test_charts_of_a_study_are_those_of_its_rows(study):
-    drawn = {(p["h"], p["y"]) for p in points(study.plot.error("tide")) if p["method"] == "pbd"}
+    found = points(study.plot.error("tide"))
+    drawn = {(p["h"], p["y"]) for p in found if p.get("method") == "pbd"}
     assert drawn == {(r["h"], r["state_sup"]) for r in study.rows if r["solver"] == "pbd"}
     assert study.plot.error(metric="force").spec == studies.error_against_step(
         study, None, "force"
