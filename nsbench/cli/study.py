@@ -1,4 +1,4 @@
-"""`nsbench study`: conduct one of the studies of open questions, and write what it found.
+"""`nsbench study`: conduct one of the studies, and write what it found.
 
 DIR/studies/NAME.json holds the finding, DIR/studies/NAME.html its page; where DIR holds results of
 `nsbench run`, its report is written again with a section on the studies.
@@ -65,6 +65,7 @@ def _conduct(study, folder: Path, args: argparse.Namespace, say: Callable[..., N
         finding = study.load().conduct(Effort(args.full, journal, say, workers))
     if journal.reused:
         say(f"{journal.reused} parts were known from an earlier run")
+    say(finding.short)
     say(finding.answer)
     return write_finding(finding, folder, time.monotonic() - began, args.full)
 

@@ -46,7 +46,7 @@ class Content:
     data, summaries: rows and fits, summaries by (case, method). looks: by method. ids: by case.
     panels: SVG elements by case. notes: sentences by case. speeds: factors at equal error.
     talk: SVG of the talk's figure, "" if there is none, with its sentence.
-    profiles, scaling: SVG elements. cheapest: who is cheapest where. studies: of open questions.
+    profiles, scaling: SVG elements. cheapest: who is cheapest where. studies: with their answers.
     repeat, citation: lines to run and to quote.
     """
 

@@ -42,7 +42,7 @@ SECTIONS = (  # id, also the name of the template; heading
     ("answer", "Which method?"),
     ("verdict", "What the runs say"),
     ("explore", "Error against step and cost"),
-    ("studies", "Open questions"),
+    ("studies", "Studies: questions and answers"),
     ("speed", "Speed at equal error"),
     ("orders", "Orders"),
     ("trust", "What the numbers rest on"),

@@ -77,9 +77,11 @@ def render_markdown(c: Content) -> str:
 
 def _studies(c: Content) -> list[str]:
     """Paragraphs of the section on studies; [] without any."""
-    out = ["## Open questions"] if c.studies else []
+    out = ["## Studies: questions and answers"] if c.studies else []
     for study in c.studies:
-        out += [f"### {escape_markdown(study.question)}", escape_markdown(study.answer)]
+        out += [f"### {escape_markdown(study.question)}"]
+        out += [f"**{escape_markdown(study.short)}**"] if study.short else []
+        out += [escape_markdown(study.answer)]
         out += ["\n".join(f"- {escape_markdown(text)}" for text in study.evidence)]
         out += [f"![{escape_markdown(f.caption)}]({f.file})" for f in study.figures]
         for title, t in study.tables:

@@ -1,4 +1,4 @@
-"""The section on studies of open questions: DIR/studies/*.json read, checked and laid out.
+"""The section on studies: DIR/studies/*.json read, checked and laid out.
 
 The files may have been written by others: texts are sanitised, numbers checked, figures embedded as
 images, and a file that is no finding is a ValueError that names it.
@@ -35,10 +35,11 @@ class StudyFigure:
 
 @dataclass(frozen=True)
 class StudySection:
-    """One study as the report shows it; note: form and time."""
+    """One study as the report shows it; short: the answer in a sentence. note: form and time."""
 
     name: str
     question: str
+    short: str
     answer: str
     evidence: tuple[str, ...]
     refutation: str
@@ -62,6 +63,7 @@ def read_study(path: Path) -> StudySection:
     try:
         stored = json.loads(read_text(path, MAX_BYTES, path.parent))
         text = {name: _text(stored[name]) for name in TEXTS}
+        short = _text(stored.get("short", ""))  # findings of 0.1.0 have none
         tables = [(_text(t["title"]), _table(text["study"], t)) for t in stored["tables"]]
         figures = [_figure(path.parent, f) for f in stored["figures"]]
         evidence = tuple(map(_text, stored["evidence"]))
@@ -73,6 +75,7 @@ def read_study(path: Path) -> StudySection:
     return StudySection(
         name=text["study"],
         question=text["question"],
+        short=short,
         answer=text["answer"],
         evidence=evidence,
         refutation=text["refutation"],

@@ -46,12 +46,14 @@ class EvidenceFigure:
 class Finding:
     """The outcome of a study.
 
-    answer: one sentence made from the numbers. evidence: further sentences. refutation: what would
-    refute the answer. command: repeats the study. data: fields of the study's own, for programs.
+    short: the answer in one short sentence, a yes, a no or a number. answer: the same at length.
+    Both are made from the numbers. evidence: further sentences. refutation: what would refute the
+    answer. command: repeats the study. data: fields of the study's own, for programs.
     """
 
     name: str
     question: str
+    short: str
     answer: str
     evidence: tuple[str, ...]
     refutation: str
@@ -105,6 +107,7 @@ def write_finding(finding: Finding, folder: Path, seconds: float, full: bool) ->
         "study": finding.name,
         "form": "full" if full else "small",
         "question": finding.question,
+        "short": finding.short,
         "answer": finding.answer,
         "evidence": list(finding.evidence),
         "refutation": finding.refutation,

@@ -28,7 +28,8 @@ def finding(**changes):
     fields = {
         "name": "lemma",
         "question": "Is it <b>bounded</b>?",
-        "answer": "Yes, by 2.",
+        "short": "Yes.",
+        "answer": "It is, by 2.",
         "evidence": ("One line.",),
         "refutation": "A counterexample.",
         "command": "nsbench study lemma",
@@ -165,7 +166,7 @@ def test_a_finding_is_stored_and_read(tmp_path):
     path = write_finding(finding(), tmp_path, 1.25, full=False)
     assert json.loads(path.read_text())["graphs"] == [{"exact": None}]
     (section,) = read_studies(tmp_path)
-    assert section.answer == "Yes, by 2." and section.figures[0].svg == SVG
+    assert section.answer == "It is, by 2." and section.short == "Yes." and section.figures[0].svg == SVG
     ((title, table),) = section.tables
     assert title == "Numbers" and [c.text for c in table.rows[1].cells] == ["b", "–"]
 
@@ -182,7 +183,7 @@ def test_the_report_of_runs_has_a_section_on_studies(tmp_path):
     row = {"case": "tide", "solver": "pbd", "status": "ok", "h": 0.1, "state_sup": 1e-2}
     write_finding(finding(), tmp_path, 1.0, full=False)
     nsbench.write_report([row], tmp_path / "with" / "report.html")
-    assert "Open questions" not in (tmp_path / "with" / "report.html").read_text()
+    assert "Studies: questions and answers" not in (tmp_path / "with" / "report.html").read_text()
 
     class Runs:
         rows = [row]
@@ -190,9 +191,9 @@ def test_the_report_of_runs_has_a_section_on_studies(tmp_path):
 
     nsbench.write_report(Runs(), tmp_path / "report.html")
     page = (tmp_path / "report.html").read_text()
-    assert "Open questions" in page and "&lt;b&gt;bounded&lt;/b&gt;" in page
+    assert "Studies: questions and answers" in page and "&lt;b&gt;bounded&lt;/b&gt;" in page
     text = (tmp_path / "report.md").read_text()
-    assert "## Open questions" in text and "studies/lemma\\_f.svg" not in text
+    assert "## Studies: questions and answers" in text and "studies/lemma\\_f.svg" not in text
     assert "studies/lemma_f.svg" in text
 
 

@@ -59,6 +59,7 @@ def conduct(effort: Effort) -> Finding:
     return Finding(
         name="budget",
         question=find_study("budget").question,
+        short=_short_answer(discs + others, model),
         answer=quote,
         evidence=_evidence(discs, discs + others, model, references),
         refutation=REFUTATION,
@@ -128,6 +129,18 @@ def _spread(values: list[float], digits: int = 2) -> str:
         return "unknown"
     ends = [format_number(f(known), digits) for f in (min, max)]
     return " to ".join(dict.fromkeys(ends))
+
+
+def _short_answer(scenes: list[dict], model: list[dict]) -> str:
+    """Count the scenes on which PBD is cheaper, and give its largest share of the spread."""
+    known = [v for v, _ in (costs.ratio_at(e, QUOTED) for e in scenes) if np.isfinite(v)]
+    rows = [r for m in model for r in m["rows"] if r["method"] == "pbd"]
+    shares = [r["ratio"] for r in rows if r["ratio"] is not None]
+    share = format_number(max(shares), 2) if shares else "an unknown part"
+    return (
+        f"At an error of {format_power(QUOTED)} PBD is cheaper on {sum(v > 1.0 for v in known)} of "
+        f"{len(known)} scenes; its numerical error is at most {share} of the spread over seeds."
+    )
 
 
 def _quote(discs: list[dict]) -> str:

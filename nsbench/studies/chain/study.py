@@ -58,6 +58,7 @@ def conduct(effort: Effort) -> Finding:
     return Finding(
         name="chain",
         question=find_study("chain").question,
+        short=_short_answer(travels),
         answer=_answer(travels),
         evidence=_evidence(travels, sweeps),
         refutation=REFUTATION,
@@ -120,6 +121,15 @@ def _count_all_sweeps() -> list[dict]:
                     {"name": graph.name, "h": h, "order": name, "left": left, "sweeps": sweeps}
                 )
     return out
+
+
+def _short_answer(travels: list[dict]) -> str:
+    furthest = max(travels, key=lambda t: max(o["reach"] for o in t["orders"]))
+    reach = max(o["reach"] for o in furthest["orders"])
+    return (
+        f"Up to {reach} contacts in the worst order ({furthest['name']}, with {furthest['n']} "
+        f"discs); no packing exceeds its proven bound, there {furthest['bound']}."
+    )
 
 
 def _answer(travels: list[dict]) -> str:

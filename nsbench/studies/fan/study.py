@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 
 from nsbench import solvers
@@ -9,7 +11,15 @@ from nsbench.case import get_case
 from nsbench.report.style import format_number
 from nsbench.studies.fan.figures import FanCurves, draw_fans, draw_parts
 from nsbench.studies.fan.one_step_stability import measure_growth
-from nsbench.studies.fan.windermere import PHASES, Fan, open_fan, step_exactly
+from nsbench.studies.fan.windermere import (
+    CONTACT,
+    EVENT,
+    FREE,
+    PHASES,
+    Fan,
+    open_fan,
+    step_exactly,
+)
 from nsbench.studies.finding import Effort, EvidenceFigure, EvidenceTable, Finding
 from nsbench.studies.parts import Part
 from nsbench.studies.registry import find_study
@@ -55,6 +65,7 @@ def conduct(effort: Effort) -> Finding:
     return Finding(
         name="fan",
         question=find_study("fan").question,
+        short=_short_answer(entries),
         answer=_answer(entries, growths),
         evidence=_evidence(entries),
         refutation=REFUTATION,
@@ -168,6 +179,24 @@ def _pairs(entries: list[dict]) -> list[tuple[dict, dict]]:
     for e in entries:
         last.setdefault((e["case"], e["end"], e["method"]), []).append(e)
     return [tuple(group[-2:]) for group in last.values()]
+
+
+def _short_answer(entries: list[dict]) -> str:
+    """Count the scenes by what makes the largest part of the error of PBD at the finest step."""
+    finest = {(e["case"], e["end"]): e for e in entries if e["method"] == "pbd"}
+    largest = [max(_parts(e), key=_parts(e).get) for e in finest.values()]
+    counted = ", ".join(f"{name} on {count}" for name, count in Counter(largest).most_common())
+    return (
+        f"The largest part of the error of PBD is made by {counted} of {len(largest)} scenes, and "
+        f"no defect grew by more than {format_number(_largest_growth(entries), 2)} on its way."
+    )
+
+
+def _parts(entry: dict) -> dict[str, float]:
+    """Return the sizes of the parts of an error by what makes them."""
+    words = {FREE: "free steps", EVENT: "steps with an event", CONTACT: "steps in contact"}
+    shares = {words[p]: abs(entry["shares"][p] or 0.0) for p in PHASES}
+    return shares | {"the violation left": abs(entry["violation_share"] or 0.0)}
 
 
 def _answer(entries: list[dict], growths: list[dict]) -> str:

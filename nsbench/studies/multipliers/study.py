@@ -82,6 +82,7 @@ def conduct(effort: Effort) -> Finding:
     return Finding(
         name="multipliers",
         question=find_study("multipliers").question,
+        short=_short_answer(columns, growth),
         answer=_answer(columns, growth, events, costs),
         evidence=(
             *_evidence(growth, events, costs, bars),
@@ -180,6 +181,15 @@ def _measure_bars(effort: Effort) -> list[dict]:
         ]
     )
     return [row for rows in found for row in rows]
+
+
+def _short_answer(columns, growth) -> str:
+    own = growth["pbd"]
+    largest = max((c for c in columns if c["method"] == "pbd"), key=lambda c: c["n"])
+    return (
+        f"{_span(own['over_square'])} n^2 steps of one sweep in a column of n discs (the power "
+        f"fitted is {own['power']:.3f}, up to n = {largest['n']})."
+    )
 
 
 def _answer(columns, growth, events, costs) -> str:

@@ -40,6 +40,7 @@ def conduct(effort: Effort) -> Finding:
     return Finding(
         name="plateau",
         question=find_study("plateau").question,
+        short=_short_answer([*entries, worst]),
         answer=_answer(entries, found, worst),
         evidence=_evidence(entries, found, worst),
         refutation=REFUTATION,
@@ -106,9 +107,20 @@ def _count(entries: list[dict], verdict: str) -> dict[str, int]:
     return {q: sum(e["verdicts"][q]["verdict"] == verdict for e in entries) for q in QUANTITIES}
 
 
+def _stalled(entries: list[dict]) -> list[dict]:
+    return [e for e in entries if STALLS in (v["verdict"] for v in e["verdicts"].values())]
+
+
+def _short_answer(entries: list[dict]) -> str:
+    stalled = len(_stalled(entries))
+    if stalled:
+        return f"Yes: {stalled} of {len(entries)} ladders of steps end at a plateau."
+    return f"No: none of {len(entries)} ladders of steps ends at a plateau."
+
+
 def _answer(entries, found, worst) -> str:
     every = [*entries, worst]
-    stalled = [e for e in every if STALLS in (v["verdict"] for v in e["verdicts"].values())]
+    stalled = _stalled(every)
     orders = _count(every, "order")
     defined = {q: sum(e["verdicts"][q]["order"] is not None for e in every) for q in QUANTITIES}
     first = found["best"][0]

@@ -8,12 +8,19 @@ import numpy as np
 
 from nsbench.report.style import format_number
 from nsbench.studies.curves import Curve, Panel, draw_panels
-from nsbench.studies.finding import Effort, EvidenceFigure, EvidenceTable, Finding
+from nsbench.studies.finding import Effort, EvidenceFigure, Finding
 from nsbench.studies.parts import Part
 from nsbench.studies.plateau.scenes import find_scene
 from nsbench.studies.registry import find_study
 from nsbench.studies.stability.held_stack import COLUMN, PILE, hold
-from nsbench.studies.stability.maps import DIVISORS, MAPS, OWN, Map, fill_row, methods_of
+from nsbench.studies.stability.maps import DIVISORS, MAPS, Map, fill_row, methods_of
+from nsbench.studies.stability.tables import (
+    failures_table,
+    holds_table,
+    is_sound,
+    map_table,
+    show,
+)
 
 HOLDS = (  # rows and steps of columns: small form, full form
     ((10, 1000), (30, 1000), (100, 1000)),
@@ -65,6 +72,7 @@ def conduct(effort: Effort) -> Finding:
     return Finding(
         name="stability",
         question=find_study("stability").question,
+        short=_short_answer(cells, holds),
         answer=f"{_answer(cells, holds)}; {_piles_answer(piles, ladder)}.",
         evidence=(
             *_evidence(cells, holds),
@@ -75,11 +83,11 @@ def conduct(effort: Effort) -> Finding:
         refutation=REFUTATION,
         command=f"nsbench study stability{' --full' * effort.full}",
         tables=(
-            *(_map_table(m, maps[m.name]) for m in MAPS),
-            _failures_table(cells),
-            _holds_table("stacks", "A column of discs that must stay still", holds),
-            _holds_table("piles", "A pile of discs between walls that must stay still", piles),
-            _holds_table("pile-steps", "A pile of discs by the length of the step", ladder),
+            *(map_table(m, maps[m.name]) for m in MAPS),
+            failures_table(cells),
+            holds_table("stacks", "A column of discs that must stay still", holds),
+            holds_table("piles", "A pile of discs between walls that must stay still", piles),
+            holds_table("pile-steps", "A pile of discs by the length of the step", ladder),
         ),
         figures=_figures(maps, holds, piles, ladder),
         data={
@@ -152,23 +160,37 @@ def _held(key: str, rows: int, steps: int, method: str, words: str, divisor: int
     )
 
 
-def _is_sound(cell: dict) -> bool:
-    return cell["status"] in ("ok", "below_reference", "degenerate")
+def _sound_under_pbd(cells) -> dict[bool, list[float]]:
+    """Return h K of the cells of PBD on the map of stiffness: of those that end well, and not."""
+    out: dict[bool, list[float]] = {True: [], False: []}
+    for m, value, c in cells:
+        if m.name == "stiffness" and c["method"] == "pbd" and c["h"] is not None:
+            out[is_sound(c)].append(value * c["h"])
+    return out
+
+
+def _short_answer(cells, holds) -> str:
+    sound = sum(is_sound(c) for _, _, c in cells)
+    limit = format_number(max(_sound_under_pbd(cells)[True], default=np.nan), 3)
+    own = [h for h in holds if h["method"] == "pbd" and "sunk" in h]
+    still = sum(h["jitter"] <= REST for h in own)
+    return (
+        f"{sound} of {len(cells)} pairs of scene and step end well, under PBD up to h K = {limit} "
+        f"(step times stiffness); {still} of {len(own)} columns held by PBD come to rest."
+    )
 
 
 def _answer(cells, holds) -> str:
-    sound = sum(_is_sound(c) for _, _, c in cells)
-    named = Counter(c["status"] for _, _, c in cells if not _is_sound(c))
+    sound = sum(is_sound(c) for _, _, c in cells)
+    named = Counter(c["status"] for _, _, c in cells if not is_sound(c))
     words = ", ".join(f"{count} {status}" for status, count in named.most_common())
-    stiff = [(v * c["h"], c) for m, v, c in cells if m.name == "stiffness" and c["h"] is not None]
-    explicit = [hk for hk, c in stiff if c["method"] == "pbd" and not _is_sound(c)]
-    fine = [hk for hk, c in stiff if c["method"] == "pbd" and _is_sound(c)]
+    by_hk = _sound_under_pbd(cells)
     pbd = [h for h in holds if h["method"] == "pbd" and "sunk" in h]
     still = [h for h in pbd if h["jitter"] <= REST]
     return (
         f"{sound} of {len(cells)} cells end well, the others are named ({words or 'none'}); PBD is "
-        f"sound up to h K = {format_number(max(fine, default=float('nan')), 3)} and flagged from "
-        f"{format_number(min(explicit, default=float('nan')), 3)} on; of {len(pbd)} stacks held by "
+        f"sound up to h K = {format_number(max(by_hk[True], default=np.nan), 3)} and flagged from "
+        f"{format_number(min(by_hk[False], default=np.nan), 3)} on; of {len(pbd)} stacks held by "
         f"PBD {len(still)} have come to rest (no disc moves by more than {REST:g} in a step), one "
         f"has sunk by {format_number(max(h['sunk'] for h in pbd), 3)} radii, and no disc moved "
         f"sideways by more than {format_number(max(h['sideways'] for h in pbd), 2)}"
@@ -194,15 +216,15 @@ def _piles_answer(piles: list[dict], ladder: list[dict]) -> str:
 def _evidence(cells, holds) -> tuple[str, ...]:
     by_method: dict[str, list[bool]] = {}
     for _, _, c in cells:
-        by_method.setdefault(c["method"], []).append(_is_sound(c))
+        by_method.setdefault(c["method"], []).append(is_sound(c))
     shares = "; ".join(f"{m} {sum(v)} of {len(v)}" for m, v in sorted(by_method.items()))
     jitter = max((h for h in holds if "jitter" in h), key=lambda h: h["jitter"])
     rise = max(h["rise"] for h in holds if "rise" in h)
-    deepest = max((h for h in holds if "sunk" in h and _is_sound(h)), key=lambda h: h["sunk"])
+    deepest = max((h for h in holds if "sunk" in h and is_sound(h)), key=lambda h: h["sunk"])
     silent = [
         (c["share"], f"{c['method']} on {m.name} {value:g}", c)
         for m, value, c in cells
-        if _is_sound(c) and c["share"] is not None and c["share"] > SILENT
+        if is_sound(c) and c["share"] is not None and c["share"] > SILENT
     ]
     worst = max(silent, key=lambda s: s[0], default=None)
     warning = "none"
@@ -243,7 +265,7 @@ def _sweeps_evidence(cells) -> tuple[str, ...]:
 
 
 def _words(cell: dict) -> str:
-    shown = _show(cell)
+    shown = show(cell)
     return shown if isinstance(shown, str) else format_number(shown, 3)
 
 
@@ -256,7 +278,7 @@ def _piles_evidence(piles: list[dict]) -> tuple[str, ...]:
         f"{m} {sum('toppled' in h and not h['toppled'] for h in own)} of {len(own)}"
         for m, own in by_method.items()
     )
-    silent = [h for h in ended if h["toppled"] and _is_sound(h)]
+    silent = [h for h in ended if h["toppled"] and is_sound(h)]
     sunk = max((h for h in ended if not h["toppled"]), key=lambda h: h["sunk"], default=None)
     lines = [
         f"Piles whose discs all keep their places, by method: {kept}; discs topple under a status "
@@ -283,71 +305,6 @@ def _ladder_evidence(ladder: list[dict]) -> tuple[str, ...]:
         )
         lines.append(f"A pile of {ladder[0]['n']} discs under {method}, by h: {shown}.")
     return tuple(lines)
-
-
-def _map_table(m: Map, rows: dict[float, list[dict]]) -> EvidenceTable:
-    columns = [*(f"/{n}" for n in DIVISORS), OWN]
-    out = []
-    for value, cells in rows.items():
-        for method in dict.fromkeys(c["method"] for c in cells):
-            own = {c["column"]: c for c in cells if c["method"] == method}
-            out.append((value, method, *(_show(own.get(c)) for c in columns)))
-    return EvidenceTable(
-        f"map-{m.name}",
-        f"State error over step and {m.difficulty}",
-        (
-            m.difficulty,
-            "method",
-            *(f"h = spacing / {n}" for n in DIVISORS),
-            "own accuracy",
-        ),
-        tuple(out),
-        f"Scenes: {m.template}. A number is the largest state error of a run that ended well; a "
-        "word is the status of a run that did not, with its error in brackets where it reached "
-        "the end. Own accuracy: methods without a step, at their default.",
-    )
-
-
-def _show(cell: dict | None) -> str | float | None:
-    if cell is None:
-        return None
-    if _is_sound(cell) and cell["error"] is not None:
-        return cell["error"]
-    error = "" if cell["error"] is None else f" ({format_number(cell['error'], 2)})"
-    return f"{cell['status']}{error}"
-
-
-def _failures_table(cells) -> EvidenceTable:
-    rows = [
-        (m.name, float(value), c["method"], c["h"], c["status"], c["sentence"][:200])
-        for m, value, c in cells
-        if not _is_sound(c)
-    ]
-    return EvidenceTable(
-        "failures",
-        "Cells that did not end well",
-        ("map", "difficulty", "method", "h", "status", "sentence"),
-        tuple(rows),
-        "One line for each.",
-    )
-
-
-def _holds_table(key: str, title: str, holds: list[dict]) -> EvidenceTable:
-    fields = ("n", "steps", "h", "method", "status")
-    values = ("sunk", "drift", "jitter", "energy", "rise", "sideways", "toppled")
-    words = {"drift": "drift per unit time", "rise": "energy rise"}
-    return EvidenceTable(
-        key,
-        title,
-        (*fields, *(words.get(v, v) for v in values)),
-        tuple((*(h[f] for f in fields), *(h.get(v) for v in values)) for h in holds),
-        "Lengths in radii, unit weights and gravity; methods without a step have their default "
-        "accuracy. Sunk: largest displacement; drift: of the "
-        "mean height in the second half; jitter: largest displacement in one of the last steps; "
-        "energy: change of the potential energy; rise: its largest increase between samples; "
-        "toppled: discs that moved by more than a radius against one that they touched at the "
-        "start. With 0 steps a method is not run, for its cost.",
-    )
 
 
 def _figures(maps, holds, piles, ladder) -> tuple[EvidenceFigure, ...]:
@@ -381,5 +338,5 @@ def _figures(maps, holds, piles, ladder) -> tuple[EvidenceFigure, ...]:
 
 def _curve(cells: list[dict], method: str) -> tuple[list, list]:
     own = [c for c in cells if c["method"] == method and c["h"] is not None]
-    used = [c for c in own if _is_sound(c)]
+    used = [c for c in own if is_sound(c)]
     return [c["h"] for c in used], [np.nan if c["error"] is None else c["error"] for c in used]
