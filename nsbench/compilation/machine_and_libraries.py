@@ -22,21 +22,29 @@ def processor() -> str:
     These decide which instructions numpy, BLAS and compilers choose, and so how they round: on
     another processor the last digit may differ, and seconds are those of another machine.
     """
-    lines = set()
-    try:
-        lines = {
-            line
-            for line in Path("/proc/cpuinfo").read_text().splitlines()
-            if line.startswith(("flags", "Features", "model name", "CPU part"))
-        }
-    except OSError:
-        pass
-    models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    model = min(models, default=platform.processor())
+    lines = _cpuinfo()
+    model = processor_model()
     names = getattr(os, "confstr_names", {})
     libc = os.confstr("CS_GNU_LIBC_VERSION") if "CS_GNU_LIBC_VERSION" in names else ""
     features = hashlib.sha256("".join(sorted(lines)).encode()).hexdigest()[:8]
     return f"{platform.machine()} {model} {features} {libc}".strip()
+
+
+@functools.cache
+def processor_model() -> str:
+    """Return the name that the maker gives the processor; "" where the system does not tell."""
+    models = [x.partition(":")[2].strip() for x in _cpuinfo() if x.startswith("model name")]
+    return min(models, default=platform.processor())
+
+
+def _cpuinfo() -> set[str]:
+    """Return the lines of /proc/cpuinfo that tell model and features, each once."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return set()
+    names = ("flags", "Features", "model name", "CPU part")
+    return {line for line in lines if line.startswith(names)}
 
 
 def machine() -> str:

@@ -7,7 +7,7 @@ methods, machine and command, and once more with the tables.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from pathlib import Path
 
 from nsbench.results import consistency
@@ -17,26 +17,21 @@ from nsbench.study import describe
 
 
 def write_notes(
-    out: Path,
-    solvers: Iterable[str],
-    cases: dict,
-    fresh: bool,
-    argv: Sequence[str] | None = None,
+    out: Path, solvers: Iterable[str], cases: dict, fresh: bool, began: dict | None = None
 ) -> None:
     """Write the descriptions of the methods, by spec, of the cases, by (case, file), and of the
     machine.
 
-    argv: of the command with the options that nsbench.toml gave (None: that of the process).
     fresh: there are, or will be, new rows; else an env.json that is as it was written stays.
-    Raises StoreError.
+    began: how and when the runs began (`start_of_runs`), None: not known. Raises StoreError.
     """
     methods = {s: describe.describe_solver(s) for s in dict.fromkeys(solvers)}
     write_atomically(out / "solvers.json", dump(methods))
     described = {key: describe.describe_case(case) for (key, _), case in cases.items()}
     write_atomically(out / "cases.json", dump(described))
-    command = {"folder": str(out)} | ({} if argv is None else {"argv": list(argv)})
     if fresh or not consistency.is_unmodified(out, "env.json"):
-        write_atomically(out / "env.json", dump(environment(**command)))
+        more = {"folder": str(out)} | (began or {})
+        write_atomically(out / "env.json", dump(environment(**more)))
 
 
 def dump(value: object) -> bytes:

@@ -33,6 +33,7 @@ from nsbench.results import consistency, row_reuse
 from nsbench.results import run_key as key
 from nsbench.results import tables as store
 from nsbench.results.atomic_write import write_atomically
+from nsbench.results.environment import start_of_runs
 from nsbench.results.journal import Journal, as_read, clean
 from nsbench.results.packed_rows import OrderedRows, PackedRows
 from nsbench.study import Spec, describe
@@ -68,7 +69,8 @@ def execute(specs: list[Spec], out: Path, args, say) -> int:
         return dry_run.print_plan(dry_run.Plan(specs, cases, parts, keys, reusable, out), args, say)
     with contextlib.closing(Journal(out)) as journal:  # from here on nobody else writes there
         rows = PackedRows()
-        known = parts, keys, cases, rows
+        began = start_of_runs(vars(args).get("argv"))
+        known = parts, keys, cases, rows, began
         fresh, drawn = _complete(specs, known, journal, args, say, out)
         for _ in range(extended_ladders.ROUNDS if args.reach else 0):
             found = [as_read(rows[keys[s]]) for s in specs if keys[s] in rows]
@@ -86,8 +88,7 @@ def execute(specs: list[Spec], out: Path, args, say) -> int:
         ordered = OrderedRows(
             rows, (keys[s] for s in specs), lambda i: lost_run_row(specs[i], "error", NO_ROW)
         )
-        argv = vars(args).get("argv")
-        path = publish(out, ordered, cases, fresh=fresh, say=say, drawn=drawn, argv=argv)
+        path = publish(out, ordered, cases, fresh, say, drawn, began)
     doubtful = Counter(r["status"] for r in ordered if r["status"] not in EXPECTED_STATUSES)
     if doubtful:
         failed = sum(n for status, n in doubtful.items() if status not in NO_FAILURE)
@@ -107,10 +108,10 @@ def execute(specs: list[Spec], out: Path, args, say) -> int:
 def _complete(specs, known, journal, args, say, out) -> tuple[bool, set]:
     """Make the rows of `specs` that no earlier call has made; add all of them to the known rows.
 
-    known: parts and keys of the specs, cases, rows by key. Returns whether anything ran, and the
-    pictures that workers have drawn meanwhile.
+    known: parts and keys of the specs, cases, rows by key, when runs began. Returns whether
+    anything ran, and the pictures that workers have drawn meanwhile.
     """
-    parts, keys, cases, rows = known
+    parts, keys, cases, rows, began = known
     reusable = {} if args.force else _reusable_rows(out, specs, keys, args, say)
     todo = [s for s in specs if keys[s] not in reusable]
     for s in specs:
@@ -121,7 +122,7 @@ def _complete(specs, known, journal, args, say, out) -> tuple[bool, set]:
     say(f"{len(todo)} runs ({len(specs) - len(todo)} known already), results in {out}")
     consistency.mark_stale(out)
     journal.append_plan(list(keys.values()))
-    write_notes(out, (s.solver for s in keys), cases, fresh=True, argv=vars(args).get("argv"))
+    write_notes(out, (s.solver for s in keys), cases, fresh=True, began=began)
     here = args.dask is None
     recorder = row_reuse.RowRecorder(journal, keys, parts, cases, on_this_machine=here)
     drawn = _run(todo, keys, recorder, rows, args, say, cases, out)
@@ -355,12 +356,12 @@ def _has_terminal() -> bool:
 
 
 def publish(
-    out: Path, rows: Iterable[dict], cases: dict, fresh: bool, say, drawn=frozenset(), argv=None
+    out: Path, rows: Iterable[dict], cases: dict, fresh: bool, say, drawn=frozenset(), began=None
 ) -> Path:
     """Write tables, pictures and report; returns the path of the report.
 
     Nothing is written again when nothing has changed. fresh: there are new rows; drawn: pictures
-    that were drawn by workers, as (case, file). argv: see nsbench.execute.notes.
+    that were drawn by workers, as (case, file). began: as for `write_notes`.
     """
     contents = digest_of(
         chain((json.dumps(clean(r), sort_keys=True).encode() for r in rows), [_report_digest()])
@@ -369,7 +370,7 @@ def publish(
     if not fresh and path.exists() and consistency.is_consistent(out, contents):
         return path
     tables = store.write_tables(out, rows)
-    write_notes(out, (r["solver"] for r in rows), cases, fresh, argv)
+    write_notes(out, (r["solver"] for r in rows), cases, fresh, began)
     figures = out / "figures"
     figures.mkdir(exist_ok=True)
     if "sliding" not in {k for k, _ in cases}:

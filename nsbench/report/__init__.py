@@ -9,7 +9,6 @@ one SVG per case in ``figures/``. Nothing here runs a solver.
 
 from __future__ import annotations
 
-from dataclasses import replace as replace_fields
 from pathlib import Path
 
 __all__ = ["write_report"]
@@ -43,7 +42,7 @@ def write_report(
     path = path / "report.html" if path.is_dir() else path
     data = read_unfinished(folder) if unfinished else read(study)
     drawn = draw_figures(data)
-    content = replace_fields(assemble_content(data, drawn), studies=read_studies(folder))
+    content = assemble_content(data, drawn, read_studies(folder))
     path.parent.mkdir(parents=True, exist_ok=True)
     (path.parent / "figures").mkdir(exist_ok=True)
     for name, svg in drawn.files.items():

@@ -14,16 +14,20 @@ from nsbench.report.euler_sliding_figure import (
 )
 from nsbench.report.expectations import judge_expectations
 from nsbench.report.panel_choice import case_panels, cost_panels
+from nsbench.report.study_pages import StudySection, cite_studies
 from nsbench.report.style import (
+    LEADING_METHOD,
     assign_looks,
     file_stem,
     format_number,
     format_power,
     format_seconds,
+    method_of,
     sanitise,
 )
 from nsbench.report.summary import Summary, summarise
 from nsbench.report.svg_plots import compose_sheet, draw_panel, inline_svg
+from nsbench.report.tables.citation_table import citation_table
 from nsbench.report.tables.clock_table import clock_table
 from nsbench.report.tables.environment_tables import (
     citation,
@@ -40,7 +44,11 @@ from nsbench.report.tables.equal_error_tables import (
 )
 from nsbench.report.tables.error_bar_table import error_bar_table
 from nsbench.report.tables.error_table import error_table
-from nsbench.report.tables.failure_tables import failures_table, seeds_table
+from nsbench.report.tables.failure_tables import (
+    failures_table,
+    seeds_table,
+    study_failures_table,
+)
 from nsbench.report.tables.multiplier_tables import labels_table, selection_table
 from nsbench.report.tables.order_table import orders_table
 from nsbench.report.tables.reliability_tables import (
@@ -51,7 +59,16 @@ from nsbench.report.tables.reliability_tables import (
 from nsbench.report.verdict import write_headline, write_verdict
 
 MAX_NOTES = 3  # of one method on one case: most differ in their numbers only
-TAKEN_PREFIXES = ("scene_", "cost_", "study-", "orders-", "errors-", "runs-")  # of ids and files
+TAKEN_PREFIXES = (  # of ids and files
+    "scene_",
+    "cost_",
+    "study-",
+    "orders-",
+    "errors-",
+    "references-",
+    "citations-",
+    "runs-",
+)
 MAX_DRAWN_CASES = 100  # cases with figures: a page of more could not be opened
 
 
@@ -164,7 +181,9 @@ def draw_figures(data: Data) -> Figures:
     )
 
 
-def assemble_content(data: Data, drawn: Figures) -> Content:
+def assemble_content(
+    data: Data, drawn: Figures, studies: tuple[StudySection, ...] = ()
+) -> Content:
     """Compute tables and sentences, and put them around the figures."""
     s = drawn.summaries
     built = [
@@ -174,7 +193,9 @@ def assemble_content(data: Data, drawn: Figures) -> Content:
         speed_table(data, s),
         seeds_table(data),
         failures_table(data),
+        study_failures_table(studies),
         environment_table(data.env),
+        citation_table(data.specs),
         glossary_table(data),
         expected_table(judge_expectations(data, s)),
         bounds_table(data, s),
@@ -192,12 +213,13 @@ def assemble_content(data: Data, drawn: Figures) -> Content:
     factors = tuple(cost.compare_speeds(data)) or (
         "No two methods reached the same error with loops of one kind.",
     )
+    with_pbd = any(method_of(solver) == LEADING_METHOD for _, solver in s)
     notes = {case: write_case_notes(data, case, s) for case in data.case_keys}
     return Content(
         title="nsbench report",
         lede=f"{lede}.{missing}",
         headline=write_headline(data, s),
-        statements=tuple(write_verdict(data, s)),
+        statements=cite_studies(write_verdict(data, s), studies, with_pbd),
         tables={t.key: t for t in built},
         data=data,
         summaries=s,
@@ -214,7 +236,8 @@ def assemble_content(data: Data, drawn: Figures) -> Content:
             [*scaling.describe_wins(data), *performance_profiles.describe_profiles(data)]
         ),
         repeat=repeat_lines(data.env),
-        citation=citation(data.env),
+        citation=citation(data.env, data.specs),
+        studies=studies,
     )
 
 
@@ -224,7 +247,7 @@ def _where(env: dict) -> list[str]:
     cores = env.get("cores")
     return [
         f"nsbench {version}" if version else "",
-        sanitise(env.get("machine") or "", 60),
+        sanitise(env.get("processor") or env.get("machine") or "", 60),
         f"{sanitise(cores, 8)} cores" if cores else "",
     ]
 

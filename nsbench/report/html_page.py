@@ -36,6 +36,7 @@ from nsbench.report.study_pages import StudySection
 from nsbench.report.style import DARK, DARK_THEME, LIGHT_THEME, PALETTE, SHAPES, Look
 from nsbench.report.summary import Summary
 from nsbench.report.svg_plots import DASHES, define_markers, inline_svg
+from nsbench.report.tables.reliability_tables import describe_reference
 
 FOLDER = Path(__file__).parent
 SECTIONS = (  # id, also the name of the template; heading
@@ -54,6 +55,7 @@ SECTIONS = (  # id, also the name of the template; heading
 LINKED_TABLES = {  # tables to whose rows the section of a case leads, and the words of the link
     "orders": "orders and best errors",
     "errors": "errors and residuals at the finest step",
+    "references": "the reference and how far to rely on it",
 }
 PLAYER_SCRIPTS = ("charts.js", "scenes.js", "player.js", "start.js")  # of a page with one player
 SCRIPTS = ("page.js", "answer.js", "explore.js", "save.js", *PLAYER_SCRIPTS)
@@ -76,7 +78,7 @@ class CaseSection:
 
     places: pairs (key, words) of the tables that have rows of the case. scene: a data URI or "";
     layout: "", "broad" or "wide". player: packed frames or "". methods: pairs (name, look) of the
-    legend. panels: SVG elements.
+    legend. panels: SVG elements. reference: its own error in a sentence.
     """
 
     name: str
@@ -89,6 +91,7 @@ class CaseSection:
     paragraph: str
     equations: str
     notes: list[str]
+    reference: str
     methods: list[tuple[str, Look]]
     panels: list[str]
     fits: list[Fit]
@@ -167,6 +170,7 @@ def _render(looks: dict[str, Look], payload: str, **names) -> str:
     library = Markup(chart_library() if payload else "")
     page = _environment().get_template("page.html").render(
         looks=looks,
+        anchors=name_anchors(looks, names["case_ids"]),
         payload=payload,
         style=style,
         script=script,
@@ -174,9 +178,15 @@ def _render(looks: dict[str, Look], payload: str, **names) -> str:
         policy=content_security_policy([style], [script, library]),
         markers=Markup(inline_svg(f"{definitions}</svg>", {}, "", is_hidden=True)),
         split_sentence=sentence_splitter(looks),
+        study_names=[study.name for study in names["studies"]],
         **names,
     )
     return page + "\n"
+
+
+def name_anchors(looks: dict[str, Look], case_ids: dict[str, str]) -> dict[str, str]:
+    """Name what stands in the ids of rows for a method or a case, such as ``citations-m3``."""
+    return {name: f"m{look.index}" for name, look in looks.items()} | case_ids
 
 
 @functools.cache
@@ -231,8 +241,9 @@ def allow_breaks(name: str) -> Markup:
 def sentence_splitter(looks: dict[str, Look]) -> Callable[[str], list[tuple[str, str]]]:
     """Return a function that splits a sentence into pairs (kind, part).
 
-    kind: "method" for the name of a method in `looks`, "number" for one with a negative exponent,
-    else "text". Longer names are matched first, and no part of a longer word is taken for a name.
+    kind: "method" for the name of a method in `looks`, "study" for a name after ``study`` in
+    backquotes, "number" for one with a negative exponent, else "text". Longer names are matched
+    first, and no part of a longer word is taken for a name.
     """
     names = "|".join(re.escape(name) for name in sorted(looks, key=len, reverse=True))
     number = r"(\d[\d.]*e-\d+)"
@@ -240,6 +251,12 @@ def sentence_splitter(looks: dict[str, Look]) -> Callable[[str], list[tuple[str,
     method = re.compile(rf"(?<![\w\[=,])({names})(?![\w\[=])") if looks else None
 
     def split(sentence: str) -> list[tuple[str, str]]:
+        parts = []
+        for i, piece in enumerate(re.split(r"(?<=\bstudy )`(\w+)`", sentence)):
+            parts += [("study", piece)] if i % 2 else split_names(piece)
+        return parts
+
+    def split_names(sentence: str) -> list[tuple[str, str]]:
         if method is None:
             return [("text", sentence)]
         parts = []
@@ -268,7 +285,7 @@ def prepare_case(content: Content, case: str) -> CaseSection:
         places=[
             (key, words)
             for key, words in LINKED_TABLES.items()
-            if any(row.group == case for row in content.tables[key].rows)
+            if any(case in (row.group, row.anchor) for row in content.tables[key].rows)
         ],
         scene="" if scene is None else _data_uri(shorten_paths(scene)),
         layout="" if scene is None else _layout(scene),
@@ -276,6 +293,7 @@ def prepare_case(content: Content, case: str) -> CaseSection:
         paragraph=paragraph,
         equations=equations,
         notes=content.notes[case],
+        reference=describe_reference(content.data, case),
         methods=[(solver, content.looks[solver]) for solver in shown],
         panels=content.panels[case],
         fits=[

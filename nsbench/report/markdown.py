@@ -12,6 +12,7 @@ from nsbench.report.content import (
 from nsbench.report.cost import COMPARISON_RULE
 from nsbench.report.style import escape_markdown
 from nsbench.report.tables.cells import Table
+from nsbench.report.tables.reliability_tables import describe_reference
 
 
 def render_markdown(c: Content) -> str:
@@ -38,6 +39,7 @@ def render_markdown(c: Content) -> str:
         out += [escape_markdown(first)] if first else []
         out += ["\n".join("    " + line for line in equations.splitlines())] if equations else []
         out += [escape_markdown(n) for n in c.notes[case]]
+        out += [escape_markdown(describe_reference(c.data, case))]
         if c.panels[case]:
             out += [f"![{escape_markdown(case)}](figures/{c.ids[case]}.svg)"]
             out += [f"![{escape_markdown(case)}: cost](figures/cost_{c.ids[case]}.svg)"]
@@ -63,11 +65,15 @@ def render_markdown(c: Content) -> str:
     out += [render_table(c.tables["speed"]), "### The clock", render_table(c.tables["clock"])]
     out += _studies(c)
     out += ["## Failures and refusals", render_table(c.tables["failures"])]
+    if c.tables["study-failures"].rows:
+        out += ["### Cells of studies that did not end well"]
+        out += [render_table(c.tables["study-failures"])]
     out += ["### Over seeds", render_table(c.tables["seeds"])] if c.tables["seeds"].rows else []
     out += [
         "## Repeat, cite; machine, versions, words",
         f"```text\n{c.repeat}\n```",
         f"```bibtex\n{c.citation}\n```",
+        render_table(c.tables["citations"]),
         render_table(c.tables["environment"]),
         MEASURED,
         render_table(c.tables["glossary"]),

@@ -8,11 +8,14 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from nsbench.report.style import format_number, sanitise
+from nsbench.report.style import format_count, format_number, sanitise
 from nsbench.report.tables.cells import Cell, Row, Table
+from nsbench.report.verdict import FAILED, MULTIPLIERS, Statement
 from nsbench.source_files.regular_files import UnusableFile, exists, read_text
 
 FOLDER = "studies"  # of a folder of results
@@ -125,6 +128,46 @@ def _figure(folder: Path, stored: dict) -> StudyFigure | None:
         return None
     svg = read_text(folder / name, MAX_FIGURE_BYTES, folder)
     return StudyFigure(_text(stored["caption"]), svg, f"{FOLDER}/{name}")
+
+
+def cite_studies(
+    statements: Iterable[Statement], studies: tuple[StudySection, ...], with_pbd: bool
+) -> tuple[Statement, ...]:
+    """Add what studies found to the statements on multipliers and on failures.
+
+    with_pbd: PBD is one of the methods of the report.
+    """
+    added = {
+        MULTIPLIERS: [_say_settling(studies)] if with_pbd else [],
+        FAILED: [_say_failures(s, t) for s in studies for t in failures_of(s)],
+    }
+    return tuple(replace(s, sentences=(*s.sentences, *added.get(s.head, ()))) for s in statements)
+
+
+def _say_settling(studies: tuple[StudySection, ...]) -> str:
+    """Say how many steps of PBD multipliers need, with the numbers of the study that has them."""
+    found = next((s.short for s in studies if s.name == "multipliers" and s.short), "")
+    tail = found or "this report holds no number of its own; `nsbench study multipliers` finds it."
+    return (
+        "PBD passes a load on like heat: in a column of n discs the multipliers are right only "
+        f"after a number of steps that grows like n^2 (study `multipliers`): {tail}"
+    )
+
+
+def failures_of(study: StudySection) -> list[Table]:
+    """Return the tables of a study that list what did not end well: status and sentence a line."""
+    needed = {"method", "status", "sentence"}
+    return [t for _, t in study.tables if needed <= set(t.columns) and t.rows]
+
+
+def _say_failures(study: StudySection, t: Table) -> str:
+    at = t.columns.index("status")
+    counted = Counter(row.cells[at].text for row in t.rows).most_common()
+    words = ", ".join(f"{count} {status}" for status, count in counted)
+    return (
+        f"In the study `{study.name}` {format_count(len(t.rows), 'cell')} did not end well "
+        f"({words}): their sentences stand under the failures of this report."
+    )
 
 
 def write_study_page(folder: Path, name: str) -> Path:

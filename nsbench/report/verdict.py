@@ -26,6 +26,8 @@ from nsbench.trajectory import NO_FAILURE
 
 Summaries = dict[tuple[str, str], Summary]  # by (case, method)
 MAX_DEVIATIONS = 12  # listed in the opening; the table has them all
+MULTIPLIERS = "Can the multipliers be trusted"  # head of a statement
+FAILED = "What failed"  # head of a statement
 LEVELS = ("plateau", "diverges")  # verdicts of an error that does not go to zero
 
 
@@ -45,7 +47,7 @@ def write_verdict(data: Data, summaries: Summaries) -> list[Statement]:
     parts = [
         Statement("Which method", tuple(_choices(data, summaries))),
         Statement("Which orders", tuple(_orders(data, summaries))),
-        Statement("Can the multipliers be trusted", tuple(_multipliers(summaries))),
+        Statement(MULTIPLIERS, tuple(_multipliers(summaries))),
         Statement("Which step", tuple(_violations(data, summaries))),
         Statement("At equal error", tuple(cost.compare_speeds(data))),
     ]
@@ -59,7 +61,7 @@ def write_verdict(data: Data, summaries: Summaries) -> list[Statement]:
                 "bad",
             )
         )
-    parts.append(Statement("What failed", (_runs(summaries), *_failed(summaries))))
+    parts.append(Statement(FAILED, (_runs(summaries), *_failed(summaries))))
     return [p for p in parts if p.sentences]
 
 
@@ -389,9 +391,7 @@ def _failed(summaries: Summaries) -> Iterator[str]:
         some = [
             s.case
             for s in summaries.values()
-            if s.solver == solver
-            and s.word == "ok"
-            and set(s.statuses) - set(NO_FAILURE)
+            if s.solver == solver and s.word == "ok" and set(s.statuses) - set(NO_FAILURE)
         ]
         if never:
             yield f"{solver} gave no number on {join_names(never)}."

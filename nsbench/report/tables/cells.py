@@ -27,13 +27,15 @@ class Cell:
 class Row:
     """One line of a table.
 
-    group: the case it belongs to, shown once as a heading. solver, kind: for filters.
+    group: the case it belongs to, shown once as a heading. solver, kind: for filters. anchor: the
+    case or method whose row this is, to which links lead; "": none.
     """
 
     cells: tuple[Cell, ...]
     group: str = ""
     solver: str = ""
     kind: str = ""
+    anchor: str = ""
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -16,7 +17,18 @@ from nsbench.report.summary import (
     Summary,
 )
 from nsbench.report.tables.cells import Cell, Row, Table
+from nsbench.report.tables.citation_table import bibtex_of
 
+ENTRIES = {  # of env.json, in words
+    "schema": "format of the tables",
+    "cores": "logical cores",
+    "began": "runs began",
+    "written": "tables written",
+    "load_at_start": "load average over 1, 5, 15 minutes as runs began",
+    "load": "load average over 1, 5, 15 minutes as tables were written",
+    "argv": "arguments of nsbench",
+    "package": "digest of the package",
+}
 UNKNOWN_VERSION = "VERSION"  # where the version of nsbench is written that a study did not store
 
 
@@ -28,17 +40,48 @@ def _plain(value) -> str:
 
 
 def environment_table(env: dict) -> Table:
-    """Build the table of env.json, one line per entry."""
+    """Build the table of env.json, one line per entry, with a remark on the load."""
     rows = [
-        Row((Cell(sanitise(k, 80), kind="method"), Cell(sanitise(_plain(v)) or "empty")))
+        Row(
+            (
+                Cell(sanitise(ENTRIES.get(k, k), 80), kind="method"),
+                Cell(sanitise(_plain(v)) or "empty"),
+            )
+        )
         for k, v in env.items()
     ]
     return Table(
         "environment",
         ("what", "value"),
         tuple(rows),
-        "" if rows else "The study stored no environment: its figures cannot be tied to a machine.",
+        describe_load(env)
+        if rows
+        else "The study stored no environment: its figures cannot be tied to a machine.",
     )
+
+
+def describe_load(env: dict) -> str:
+    """Say how busy the machine was while runs were timed, as far as the study stored it."""
+    loads = [_first_number(env.get(name)) for name in ("load_at_start", "load")]
+    cores = _first_number([env.get("cores")])
+    start, end = loads
+    if end is None:
+        return "The load of the machine during the runs was not recorded."
+    at = f"{start:g} at the start and {end:g} at the end" if start is not None else f"{end:g}"
+    text = (
+        f"Load average over a minute: {at}, the workers of the bench included where they were at "
+        "work; between these times it was not measured."
+    )
+    if cores is not None and max(x for x in loads if x is not None) > cores:
+        text += f" That is more than the {cores:g} cores: some seconds are too large."
+    return text
+
+
+def _first_number(stored: object) -> float | None:
+    """Return the first entry of a stored list as a number; None if it is none."""
+    first = stored[0] if isinstance(stored, list) and stored else None
+    is_number = isinstance(first, (int, float)) and not isinstance(first, bool)
+    return float(first) if is_number and abs(first) < 1e9 else None
 
 
 def repeat_lines(env: dict) -> str:
@@ -64,8 +107,8 @@ plt.legend(), plt.xlabel("seconds"), plt.ylabel("state error")
 plt.savefig("work_precision.pdf")"""
 
 
-def citation(env: dict) -> str:
-    """Write the BibTeX entries of the bench and of the method that it grew out of."""
+def citation(env: dict, specs: Iterable[str] = ()) -> str:
+    """Write the BibTeX entries of the bench, of the method that it grew out of, and of `specs`."""
     return f"""\
 @software{{nsbench,
   author  = {{{{the nsbench developers}}}},
@@ -73,13 +116,7 @@ def citation(env: dict) -> str:
   version = {{{version_of(env) or UNKNOWN_VERSION}}},
   note    = {{package {sanitise(env.get("package", "unknown"), 80)}}}
 }}
-@misc{{pbd,
-  author        = {{Plunder, Steffen and Merino-Aceituno, Sara}},
-  title         = {{Convergence proof for first-order position-based dynamics: An efficient scheme
-                   for inequality constrained ODEs}},
-  eprint        = {{2310.01215}},
-  archiveprefix = {{arXiv}}
-}}"""
+{bibtex_of(specs)}"""
 
 
 def version_of(env: dict) -> str:

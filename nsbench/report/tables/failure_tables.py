@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Iterable
 
 from nsbench.report.data import Data, Runs
+from nsbench.report.study_pages import StudySection, failures_of
 from nsbench.report.style import (
     join_names,
 )
@@ -14,6 +16,9 @@ from nsbench.report.summary import (
     format_statuses,
 )
 from nsbench.report.tables.cells import Cell, Row, Table
+
+
+NUMBER = re.compile(r"[-+]?[\d.]+(e[-+]?\d+)?")
 
 
 def failures_table(data: Data) -> Table:
@@ -27,7 +32,7 @@ def failures_table(data: Data) -> Table:
         for status, why in zip(runs.col["status"], runs.col["why"], strict=True):
             if status in ("ok", "below_reference"):
                 continue
-            sentence = re.sub(r"[-+]?[\d.]+(e[-+]?\d+)?", "#", why)
+            sentence = NUMBER.sub("#", why)
             refused = status == "refused"
             by = "" if refused else solver
             key = (refused, status or "without status", by, sentence)
@@ -63,6 +68,35 @@ def failures_table(data: Data) -> Table:
         if rows
         else "Every run attempted reached its end time with a number.",
     )
+
+
+def study_failures_table(studies: Iterable[StudySection]) -> Table:
+    """Build the table of cells of studies that did not end well, by study, status and method.
+
+    Sentences that differ only in their numbers count as one, as in `failures_table`.
+    """
+    groups: dict = {}
+    for study in studies:
+        for t in failures_of(study):
+            at = [t.columns.index(name) for name in ("status", "method", "sentence")]
+            for row in t.rows:
+                status, method, why = (row.cells[k].text for k in at)
+                key = (study.name, status, method, NUMBER.sub("#", why))
+                groups.setdefault(key, [why, 0])[1] += 1
+    rows = [
+        Row((Cell(study), Cell(status, kind="failed"), Cell(method), _count(n), Cell(why)))
+        for (study, status, method, _), (why, n) in groups.items()
+    ]
+    return Table(
+        "study-failures",
+        ("study", "status", "method", "cells", "sentence"),
+        tuple(rows),
+        "Each cell with its step and its sentence is in the table of its study." if rows else "",
+    )
+
+
+def _count(n: int) -> Cell:
+    return Cell(str(n), kind="number")
 
 
 def seeds_table(data: Data) -> Table:
