@@ -71,6 +71,11 @@ class Content:
     repeat: str = ""
     citation: str = ""
 
+    def is_unique(self, case: str) -> bool:
+        """Are the multipliers of a case unique, so that each has an error of its own?"""
+        own = [s for (name, _), s in self.summaries.items() if name == case]
+        return not any(s.force.metric == "reaction" for s in own)
+
 
 def describe_problem(stored: dict, runs: list[Runs]) -> str:
     """Write the line below a case's name from its stored description; never empty.

@@ -293,7 +293,7 @@ def prepare_case(content: Content, case: str) -> CaseSection:
         paragraph=paragraph,
         equations=equations,
         notes=content.notes[case],
-        reference=describe_reference(content.data, case),
+        reference=describe_reference(content.data, case, content.is_unique(case)),
         methods=[(solver, content.looks[solver]) for solver in shown],
         panels=content.panels[case],
         fits=[

@@ -39,7 +39,7 @@ def render_markdown(c: Content) -> str:
         out += [escape_markdown(first)] if first else []
         out += ["\n".join("    " + line for line in equations.splitlines())] if equations else []
         out += [escape_markdown(n) for n in c.notes[case]]
-        out += [escape_markdown(describe_reference(c.data, case))]
+        out += [escape_markdown(describe_reference(c.data, case, c.is_unique(case)))]
         if c.panels[case]:
             out += [f"![{escape_markdown(case)}](figures/{c.ids[case]}.svg)"]
             out += [f"![{escape_markdown(case)}: cost](figures/cost_{c.ids[case]}.svg)"]

@@ -69,9 +69,9 @@ def environment(**more: object) -> dict:
         "machine": platform.machine(),
         "processor": processor_model(),
         "cores": os.cpu_count(),
+        **more,
         "written": _now(),
         "load": _load(),
         "argv": sys.argv[1:],
         "package": package_digest()[:16],
-        **more,
     }

@@ -20,15 +20,16 @@ def article(page, case):
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_a_case_leads_to_its_rows_of_both_tables(page, case):
+def test_a_case_leads_to_its_rows_of_the_tables(page, case):
     """The heading of the case's rows is the target, so that the link holds without scripts."""
     ids = assemble.assign_ids(CASES)
     for table in html_page.LINKED_TABLES:
         target = f"{table}-{ids[case]}"
-        heads = re.findall(rf'<tr class="group" id="{re.escape(target)}".*?</tr>', page, re.S)
+        heads = re.findall(rf'<tr [^>]*\bid="{re.escape(target)}".*?</tr>', page, re.S)
         assert len(heads) <= 1, target
         assert f'href="#{target}"' in article(page, case) or not heads
     assert f'<tr class="group" id="orders-{ids[case]}"' in page
+    assert f'id="references-{ids[case]}"' in page
 
 
 def test_every_link_within_the_page_has_a_target(page):
@@ -52,6 +53,21 @@ def test_words_in_other_columns_are_no_links(tmp_path):
     assert cells and not any("<a" in cell for cell in cells)
 
 
-@pytest.mark.parametrize("name", ["orders-tide", "runs-tide", "errors-tide"])
+@pytest.mark.parametrize("name", ["orders-tide", "runs-tide", "errors-tide", "references-tide", "citations-tide"])
 def test_a_case_cannot_take_the_place_of_the_rows_of_another(name):
     assert assemble.assign_ids([name])[name] == f"case_{name}"
+
+
+def test_a_method_in_a_sentence_leads_to_its_sources(page):
+    said = page[page.index('<section id="verdict"') :].split("</section>")[0]
+    (target,) = set(re.findall(r'<a class="m" href="#(citations-m\d+)">.{0,200}?pbd</a>', said, re.S))
+    row = re.search(rf'<tr [^>]*id="{target}".*?</tr>', page, re.S)[0]
+    assert "mueller2007" in row and "@article{mueller2007," in page
+
+
+def test_a_case_gives_the_error_of_its_reference(page):
+    for case, known in CASES.items():
+        own = article(page, case)
+        if "state" in known.get("certificate", {}):
+            assert "its own error is at most" in own
+            assert f'<a href="#references-{assemble.assign_ids(CASES)[case]}">How it was' in own

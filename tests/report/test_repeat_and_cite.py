@@ -5,7 +5,12 @@ import pytest
 from report_rows import row
 
 from nsbench import write_report
-from nsbench.report.tables.environment_tables import citation, repeat_lines
+from nsbench.report.tables.environment_tables import (
+    citation,
+    describe_load,
+    environment_table,
+    repeat_lines,
+)
 
 
 def test_the_lines_that_repeat_a_figure_run(tmp_path, monkeypatch):
@@ -53,3 +58,26 @@ def test_the_head_of_the_page_names_the_version_that_is_cited(tmp_path, versions
     assert ("nsbench 0.2.0.dev123+g0123456789abcdef" in lede) == known
     assert ("nsbench" in lede) == known and "VERSION" not in lede
     assert ("version = {0.2.0.dev123+g0123456789abcdef}" in page) == known
+
+
+@pytest.mark.parametrize(
+    "env, said",
+    [
+        ({}, "was not recorded"),
+        ({"load": [0.5, 0.1, 0.0]}, "Load average over a minute: 0.5, "),
+        ({"load": [1.5], "load_at_start": [0.25], "cores": 2}, "0.25 at the start and 1.5 at the"),
+        ({"load": [1.5], "load_at_start": [2.5], "cores": 2}, "more than the 2 cores"),
+        ({"load": "busy", "cores": [3]}, "was not recorded"),
+        ({"load": [True]}, "was not recorded"),
+    ],
+)
+def test_the_load_while_runs_were_timed_is_told(env, said):
+    assert said in describe_load(env)
+    assert ("too large" in describe_load(env)) == ("more than" in said)
+
+
+def test_the_machine_is_described_in_words():
+    found = environment_table({"processor": "A fast one", "load_at_start": [0.5, 0.4, 0.3]})
+    words = {row.cells[0].text: row.cells[1].text for row in found.rows}
+    assert words["load average over 1, 5, 15 minutes as runs began"] == "0.5 0.4 0.3"
+    assert words["processor"] == "A fast one" and "was not recorded" in found.note

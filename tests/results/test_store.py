@@ -17,7 +17,7 @@ from nsbench import columns
 from nsbench.cli import main
 from nsbench.results import consistency, tables
 from nsbench.results.atomic_write import StoreError, write_atomically
-from nsbench.results.environment import environment
+from nsbench.results.environment import environment, start_of_runs
 from nsbench.results.journal import (
     SCHEMA,
     Journal,
@@ -213,8 +213,10 @@ def test_no_half_file_is_left(tmp_path):
 
 
 def test_environment_is_plain_json():
-    env = json.loads(json.dumps(environment()))
+    env = json.loads(json.dumps(environment(**start_of_runs())))
     assert env["versions"]["numpy"] == np.__version__
+    assert env["began"] <= env["written"] and len(env["load_at_start"]) == len(env["load"])
+    assert isinstance(env["processor"], str)
 
 
 HALF = "no file t\udcff.csv"

@@ -197,6 +197,74 @@ def test_the_report_of_runs_has_a_section_on_studies(tmp_path):
     assert "studies/lemma_f.svg" in text
 
 
+FAILURES = EvidenceTable(
+    "failures",
+    "Cells that did not end well",
+    ("map", "method", "h", "status", "sentence"),
+    (
+        ("stiffness", "pbd", 0.5, "diverged", "The state grew by 5e3."),
+        ("stiffness", "pbd", 0.1, "diverged", "The state grew by 71."),
+        ("height", "penalty", 0.1, "unverified", "Particles overlap."),
+    ),
+)
+
+
+def report_with(tmp_path, *findings):
+    class Runs:
+        rows = [
+            {"case": "tide", "solver": "pbd", "status": "ok", "h": h, "state_sup": h, "impulse": h}
+            for h in (0.1, 0.05, 0.02, 0.01)
+        ]
+        dir = tmp_path
+
+    for found in findings:
+        write_finding(found, tmp_path, 1.0, full=False)
+    page = nsbench.write_report(Runs(), tmp_path / "report.html").read_text()
+    return page, (tmp_path / "report.md").read_text()
+
+
+def section(page, name):
+    return page[page.index(f'<section id="{name}"') :].split("</section>")[0]
+
+
+def test_studies_stand_in_the_menu_and_open_with_their_short_answer(tmp_path):
+    page, text = report_with(tmp_path, finding(), finding(name="chain", short="By 9 contacts."))
+    menu = page[page.index("<nav>") :].split("</nav>")[0]
+    assert 'href="#study-lemma"' in menu and 'href="#study-chain"' in menu and "2 studies" in menu
+    own = section(page, "studies").split('id="study-lemma"')[1]
+    assert own.index("<b>Yes.</b>") < own.index("It is, by 2.")
+    assert text.index("**Yes.**") < text.index("It is, by 2.")
+
+
+def test_a_finding_of_an_earlier_version_has_no_short_answer(tmp_path):
+    path = write_finding(finding(), tmp_path, 1.0, full=False)
+    stored = json.loads(path.read_text())
+    del stored["short"]
+    path.write_text(json.dumps(stored))
+    assert read_study(path).short == ""
+    assert '<p class="short">' not in report_with(tmp_path)[0]
+
+
+def test_cells_of_studies_that_failed_stand_under_the_failures(tmp_path):
+    page, text = report_with(tmp_path, finding(name="stability", tables=(FAILURES,)), finding())
+    own = section(page, "failures")
+    assert '<a href="#study-stability">stability</a>' in own and "study-lemma" not in own
+    assert own.count("The state grew by") == 1 and "Particles overlap." in own
+    assert "3 cells did not end well (2 diverged, 1 unverified)" in page
+    assert "2 diverged, 1 unverified" in text and text.count("Particles overlap") == 2
+    assert "Cells of studies" not in report_with(tmp_path / "without", finding())[0]
+
+
+def test_the_steps_that_multipliers_need_are_those_of_the_study(tmp_path):
+    page, _ = report_with(tmp_path / "without", finding())
+    said = section(page, "verdict")
+    assert "grows like n^2" in said and "holds no number" in said
+    page, _ = report_with(tmp_path, finding(name="multipliers", short="1.7 n^2 steps."))
+    said = section(page, "verdict")
+    assert "1.7 n^2 steps." in said and "holds no number" not in said
+    assert '<a href="#study-multipliers">' in said
+
+
 @pytest.mark.parametrize(
     "change, text",
     [

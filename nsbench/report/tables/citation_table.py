@@ -14,18 +14,25 @@ from nsbench.report.style import method_of
 from nsbench.report.tables.cells import Cell, Row, Table
 
 FILE = Path(__file__).parents[1] / "citations.bib"
-SOURCES = {  # by method: publications of the method, then of the libraries that it runs on
-    "pbd": ("mueller2007", "pbd", "numba"),
-    "pbd_jax": ("mueller2007", "pbd", "jax"),
-    "richardson": ("richardson1911", "hairer1993", "numba"),
-    "catching_up": ("maury2011", "bernicot2013", "numba"),
-    "event_driven": ("filippov1988", "jorba2005", "hairer1993", "scipy", "numba"),
-    "penalty": ("kidger2021", "jax"),
-    "theta": ("han2009", "acary2008", "numba"),
-    "euler": ("acary2008", "numba"),
-    "solve_ivp": ("hairer1993", "scipy"),
-    "kdtree": ("mueller2007", "pbd", "bentley1975", "scipy", "numba"),
-    "nosnoc": ("fesd", "nosnoc", "ipopt", "casadi"),
+SOURCES = {  # what describes a method
+    "pbd": ("mueller2007", "pbd"),
+    "pbd_jax": ("mueller2007", "pbd"),
+    "richardson": ("richardson1911", "hairer1993"),
+    "catching_up": ("maury2011", "bernicot2013"),
+    "event_driven": ("filippov1988", "jorba2005", "hairer1993"),
+    "penalty": ("kidger2021",),
+    "theta": ("han2009", "acary2008"),
+    "euler": ("acary2008",),
+    "solve_ivp": ("hairer1993",),
+    "kdtree": ("mueller2007", "pbd", "bentley1975"),
+    "nosnoc": ("fesd", "nosnoc"),
+}
+LIBRARIES = {  # what a method runs on
+    **dict.fromkeys(("pbd", "richardson", "catching_up", "theta", "euler"), ("numba",)),
+    **dict.fromkeys(("pbd_jax", "penalty"), ("jax",)),
+    **dict.fromkeys(("event_driven", "kdtree"), ("scipy", "numba")),
+    "solve_ivp": ("scipy",),
+    "nosnoc": ("ipopt", "casadi"),
 }
 # of the options of a method, in order: the first one that its name holds counts, "" always
 BY_OPTION = {
@@ -51,7 +58,7 @@ def sources_of(spec: str) -> tuple[str, ...]:
     """Return the keys of the entries of a method with its options; () where none is known."""
     name = method_of(spec)
     by_option = next((keys for word, keys in BY_OPTION.get(name, ()) if word in spec), ())
-    return (*SOURCES.get(name, ()), *by_option)
+    return (*SOURCES.get(name, ()), *by_option, *LIBRARIES.get(name, ()))
 
 
 def describe_entry(key: str) -> str:

@@ -176,8 +176,10 @@ def references_table(data: Data, summaries: dict[tuple, Summary]) -> Table:
     )
 
 
-def describe_reference(data: Data, case: str) -> str:
+def describe_reference(data: Data, case: str, is_unique: bool) -> str:
     """Say in one sentence what the errors of a case are measured against, and its own error.
+
+    is_unique: the multipliers are; else impulses have no error.
 
     ``Reference: certified; its own error is at most 2e-16 in the state, 1e-15 in the reaction.``
     """
@@ -185,7 +187,8 @@ def describe_reference(data: Data, case: str) -> str:
     kind = sanitise(stored.get("reference") or "none", 200)
     certificate = stored.get("certificate")
     bounds = certificate if isinstance(certificate, dict) else {}
-    words = {"state": "the state", "impulse": "an impulse", "reaction": "the reaction"}
+    words = {"state": "the state", "reaction": "the reaction"}
+    words |= {"impulse": "an impulse"} if is_unique else {}
     known = [(to_float(bounds.get(k)), word) for k, word in words.items()]
     said = [f"{format_number(v)} in {word}" for v, word in known if math.isfinite(v)]
     own = f"its own error is at most {', '.join(said)}" if said else "no bound of its error is known"

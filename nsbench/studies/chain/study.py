@@ -127,8 +127,8 @@ def _short_answer(travels: list[dict]) -> str:
     furthest = max(travels, key=lambda t: max(o["reach"] for o in t["orders"]))
     reach = max(o["reach"] for o in furthest["orders"])
     return (
-        f"Up to {reach} contacts in the worst order ({furthest['name']}, with {furthest['n']} "
-        f"discs); no packing exceeds its proven bound, there {furthest['bound']}."
+        f"Up to {reach} contacts in the worst order ({furthest['name']}); no packing exceeds "
+        f"its proven bound, which is {furthest['bound']} there."
     )
 
 
