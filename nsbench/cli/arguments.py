@@ -346,7 +346,7 @@ def _add_doctor(verbs) -> None:
 
 
 def _add_study(verbs) -> None:
-    text = "conduct a study of an open question: evidence, answer, and what would refute it"
+    text = "conduct a study of a question: evidence, answer, and what would refute it"
     verb = _add_verb(verbs, "study", text)
     verb.add_argument("name", metavar="NAME", help="such as lemma; list: the studies there are")
     verb.add_argument(

@@ -228,7 +228,7 @@ def section(page, name):
 
 
 def test_studies_stand_in_the_menu_and_open_with_their_short_answer(tmp_path):
-    page, text = report_with(tmp_path, finding(), finding(name="chain", short="By 9 contacts."))
+    page, text = report_with(tmp_path, finding(), finding(name="chain", answer="9.", short="By 9."))
     menu = page[page.index("<nav>") :].split("</nav>")[0]
     assert 'href="#study-lemma"' in menu and 'href="#study-chain"' in menu and "2 studies" in menu
     own = section(page, "studies").split('id="study-lemma"')[1]

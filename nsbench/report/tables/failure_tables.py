@@ -18,7 +18,7 @@ from nsbench.report.summary import (
 from nsbench.report.tables.cells import Cell, Row, Table
 
 
-NUMBER = re.compile(r"[-+]?[\d.]+(e[-+]?\d+)?")
+NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")  # without the stop of a sentence
 
 
 def failures_table(data: Data) -> Table:
