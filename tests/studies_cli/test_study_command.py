@@ -166,7 +166,8 @@ def test_a_finding_is_stored_and_read(tmp_path):
     path = write_finding(finding(), tmp_path, 1.25, full=False)
     assert json.loads(path.read_text())["graphs"] == [{"exact": None}]
     (section,) = read_studies(tmp_path)
-    assert section.answer == "It is, by 2." and section.short == "Yes." and section.figures[0].svg == SVG
+    assert section.answer == "It is, by 2." and section.short == "Yes."
+    assert section.figures[0].svg == SVG
     ((title, table),) = section.tables
     assert title == "Numbers" and [c.text for c in table.rows[1].cells] == ["b", "–"]
 
