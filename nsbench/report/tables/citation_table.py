@@ -94,9 +94,10 @@ def citation_table(specs: Iterable[str]) -> Table:
     ]
     return Table(
         "citations",
-        ("method", "sources (key of the BibTeX entry above)"),
+        ("method", "sources"),
         tuple(rows),
-        "First what describes the method, then the libraries it runs on, whose versions are below.",
+        "First what describes the method, then the libraries it runs on, whose versions are below; in "
+        "brackets the keys of the BibTeX entries above.",
     )
 
 

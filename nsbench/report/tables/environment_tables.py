@@ -129,6 +129,8 @@ def version_of(env: dict) -> str:
 GLOSSARY = {  # words of the report that are no columns; those are described in nsbench.columns
     "PBD": "position-based dynamics: a step of explicit Euler, then a projection onto each "
     "violated constraint, one after the other",
+    "sweep": "one pass over all constraints in which each violated one is projected onto in turn",
+    "ladder": "the runs of one method on one case with smaller and smaller steps",
     "catching-up": "a step of explicit Euler, then one projection onto all linearised constraints "
     "together, by a QP",
     "the talk": "the talk on PBD for ODEs with inequality constraints from which this bench grew; "
