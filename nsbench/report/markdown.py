@@ -15,6 +15,12 @@ from nsbench.report.tables.cells import Table
 from nsbench.report.tables.reliability_tables import describe_reference
 
 
+FAILURE_TABLES = (  # below that of the runs: key of Content.tables, heading
+    ("study-failures", "Cells of studies that did not end well"),
+    ("seeds", "Over seeds"),
+)
+
+
 def render_markdown(c: Content) -> str:
     """Render the whole report; figures are linked from ``figures/``."""
     out = [f"# {escape_markdown(c.title)}", escape_markdown(c.lede), "## What the runs say"]
@@ -65,10 +71,8 @@ def render_markdown(c: Content) -> str:
     out += [render_table(c.tables["speed"]), "### The clock", render_table(c.tables["clock"])]
     out += _studies(c)
     out += ["## Failures and refusals", render_table(c.tables["failures"])]
-    if c.tables["study-failures"].rows:
-        out += ["### Cells of studies that did not end well"]
-        out += [render_table(c.tables["study-failures"])]
-    out += ["### Over seeds", render_table(c.tables["seeds"])] if c.tables["seeds"].rows else []
+    for key, head in FAILURE_TABLES:
+        out += [f"### {head}", render_table(c.tables[key])] if c.tables[key].rows else []
     out += [
         "## Repeat, cite; machine, versions, words",
         f"```text\n{c.repeat}\n```",

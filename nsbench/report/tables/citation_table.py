@@ -96,8 +96,8 @@ def citation_table(specs: Iterable[str]) -> Table:
         "citations",
         ("method", "sources"),
         tuple(rows),
-        "First what describes the method, then the libraries it runs on, whose versions are below; in "
-        "brackets the keys of the BibTeX entries above.",
+        "First what describes the method, then the libraries it runs on, whose versions are below; "
+        "in brackets the keys of the BibTeX entries above.",
     )
 
 

@@ -191,7 +191,9 @@ def describe_reference(data: Data, case: str, is_unique: bool) -> str:
     words |= {"impulse": "an impulse"} if is_unique else {}
     known = [(to_float(bounds.get(k)), word) for k, word in words.items()]
     said = [f"{format_number(v)} in {word}" for v, word in known if math.isfinite(v)]
-    own = f"its own error is at most {', '.join(said)}" if said else "no bound of its error is known"
+    own = "no bound of its error is known"
+    if said:
+        own = f"its own error is at most {', '.join(said)}"
     return "" if kind == "none" else f"Reference: {kind}; {own}."
 
 
