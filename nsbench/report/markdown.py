@@ -50,11 +50,8 @@ def render_markdown(c: Content) -> str:
             out += [f"![{escape_markdown(case)}](figures/{c.ids[case]}.svg)"]
             out += [f"![{escape_markdown(case)}: cost](figures/cost_{c.ids[case]}.svg)"]
     if c.talk:
-        out += [
-            "## The talk's figure",
-            escape_markdown(c.talk_sentence),
-            "![The talk's figure](figures/talk.svg)",
-        ]
+        out += ["## The talk's figure", escape_markdown(c.talk_sentence)]
+        out += ["![The talk's figure](figures/talk.svg)"]
     out += ["## What the numbers rest on"]
     for key, head in TRUST_TABLES:
         if c.tables[key].rows or c.tables[key].note:

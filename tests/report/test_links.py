@@ -53,7 +53,10 @@ def test_words_in_other_columns_are_no_links(tmp_path):
     assert cells and not any("<a" in cell for cell in cells)
 
 
-@pytest.mark.parametrize("name", ["orders-tide", "runs-tide", "errors-tide", "references-tide", "citations-tide"])
+@pytest.mark.parametrize(
+    "name",
+    ["orders-tide", "runs-tide", "errors-tide", "references-tide", "citations-tide"],
+)
 def test_a_case_cannot_take_the_place_of_the_rows_of_another(name):
     assert assemble.assign_ids([name])[name] == f"case_{name}"
 
