@@ -11,6 +11,7 @@ from pathlib import Path
 from docutils import nodes
 from sphinx.util.docutils import SphinxDirective
 
+from nsbench.report.answers.best_method import cheapest
 from nsbench.report.cost import (
     TARGETS,
     format_setting,
@@ -47,8 +48,8 @@ def cheapest_by_class(data):
     classes = problem_classes(data)
     for kind in CLASSES:
         for target in TARGETS:
-            best = [rank_costs(data, c, target)[:1] for c, k in classes.items() if k == kind]
-            wins = Counter(found[0].solver for found in best if found)
+            best = [rank_costs(data, c, target) for c, k in classes.items() if k == kind]
+            wins = Counter(cheapest(found).solver for found in best if found)
             words = ", ".join(f"{name} ({n})" for name, n in wins.most_common(4))
             yield kind, f"{target:g}", f"{sum(wins.values())} of {len(best)}", words or "none"
 
@@ -75,7 +76,8 @@ def cheapest_by_case(data, target):
     for case, kind in problem_classes(data).items():
         best = rank_costs(data, case, target)
         if best:
-            yield case, kind, best[0].solver, format_setting(best[0])
+            first = cheapest(best)
+            yield case, kind, first.solver, format_setting(first)
         else:
             yield case, kind, "none reaches it", ""
 

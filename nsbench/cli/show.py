@@ -45,7 +45,7 @@ def _show_run(case: Case, args, say) -> int:
     for name, value in {**traj.stats}.items():
         say(f"  {name:<20} {value}")
     if len(traj.t):
-        from nsbench.measure import errors
+        from nsbench.measure import errors, why_reaction
 
         measures = errors(case, traj)
         below_bound = measures["below"].split()
@@ -56,6 +56,9 @@ def _show_run(case: Case, args, say) -> int:
             if name in below_bound:
                 text = "below ten times the bound of the reference"
             say(f"  {name:<20} {text}")
+        unique = measures["multipliers_unique"] is not False
+        if why := why_reaction(unique, measures["compared"], measures["impulse_floor"]):
+            say(f"  {why}")
     for event in traj.events[:MOST_EVENTS]:
         say(f"  t = {event.t:.12g}  {event.kind}  {event.contact}")
     if args.html:

@@ -1,6 +1,6 @@
 """Columns of a result: name, unit, meaning, floor and owner of each, in one table."""
 
-from nsbench.columns.column import GROUPS, KINDS, Column
+from nsbench.columns.column import ABSOLUTE, GROUPS, KINDS, RELATIVE, Column
 from nsbench.columns.table import (
     MEASURED_GROUPS,
     by_name,
@@ -11,9 +11,11 @@ from nsbench.columns.table import (
 )
 
 __all__ = [
+    "ABSOLUTE",
     "GROUPS",
     "KINDS",
     "MEASURED_GROUPS",
+    "RELATIVE",
     "Column",
     "by_name",
     "describe",

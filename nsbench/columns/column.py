@@ -22,6 +22,10 @@ GROUPS = {  # in the order of docs/columns.md
     "residual": "Residuals, which need no reference",
     "clock": "Seconds",
 }
+# What the numbers of errors mean, in the words of all sentences: columns of errors are absolute,
+# claimed bounds are of an error divided by the column of its scale (state_scale, impulse_scale).
+ABSOLUTE = "absolute, in the units of the case"
+RELATIVE = "relative to the largest |x|, at least 1"
 OWNERS = ("bench", "solver")
 GATES = ("", "near", "max", "min", "count")
 

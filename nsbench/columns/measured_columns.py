@@ -348,6 +348,15 @@ REFERENCE = (
         "sup and lam_* are missing: reaction, polyhedron and selection stand in their place",
     ),
     Column(
+        "compared",
+        "reference",
+        "word",
+        "",
+        "impulse or reaction, whose error tells of the multipliers: reaction where they are not "
+        "unique, or nearly not, so that the reference knows the impulses to 1e-8 of their size or "
+        "worse and 1000 times worse than the reaction",
+    ),
+    Column(
         "below",
         "reference",
         "word",

@@ -18,9 +18,11 @@ units and meanings are in the schema of `runs.parquet`, in `nsbench list metrics
 glossary of the report. How to read the numbers: [reading_the_numbers.md](reading_the_numbers.md).
 
 Units: s is a second of the clock; 1 is a pure number; state, time, gap, multiplier and impulse
-(multiplier x time) are in the units of the case. Floor: an error below the value of that column
-says nothing. Gate: held by `nsbench gate` near a value (where it is small, max: from above alone,
-or min: from below alone), or as the same count. Owner: columns of the bench are computed by it;
+(multiplier x time) are in the units of the case. Errors are absolute; bounds that methods claim
+are relative to the largest |x|, at least 1 (`state_scale`). Floor: an error below the value of
+that column says nothing. Gate: held by `nsbench gate` near a value (where it is small, max: from
+above alone, or min: from below alone), or as the same count. Owner: columns of the bench are
+computed by it;
 those of the solver are told by the method. A method may count more than is listed here; such a
 column has no unit and is the solver's.
 """

@@ -192,9 +192,9 @@ def _levels(data: Data, runs: Runs, column: Column, at: int) -> tuple[float, flo
 def _claim_of(data: Data, runs: Runs, column: Column, at: int) -> float:
     """The error that the method claims in the run `at`, 0 where it claims none.
 
-    A bound is claimed of the state at the tightest tolerance; at a larger one it is as many times
-    larger, and of other errors it is relative to the size of what they are errors of. An order p is
-    claimed as size (h / T)^p. No method claims less than rounding.
+    A bound is claimed at the tightest tolerance, relative to the size of what is wrong; at a larger
+    one it is as many times larger. An order p is claimed as size (h / T)^p. No method claims less
+    than rounding.
     """
     if column.group != "error":
         return 0.0
@@ -205,7 +205,7 @@ def _claim_of(data: Data, runs: Runs, column: Column, at: int) -> float:
     order = claimed(data, runs.solver, "state" if of_state else "impulse")
     if bound:
         looser = float(h[at] / np.nanmin(h)) if runs.accuracy == TOLERANCE else 1.0
-        claim = bound * looser * (1.0 if of_state else size)
+        claim = bound * looser * size
     elif order:
         claim = size * float(h[at] / run_length(data, runs.case)) ** order
     else:

@@ -41,6 +41,13 @@ class MeasureContext:
     active: tuple = ()
     cache: dict = field(default_factory=dict)
 
+    @property
+    def compared(self) -> str:
+        """Return which error tells of the multipliers, "impulse" or "reaction"; "" without one."""
+        if self.ref is None:
+            return ""
+        return "impulse" if self.unique and self.ref.knows_impulse else "reaction"
+
 
 def context_of(case: Case) -> MeasureContext:
     """Find or compute the context of a case; anew when its stored reference changes on disk."""

@@ -22,7 +22,10 @@ bound_*, estimate_*  error bars without a reference, largest 2-norm over i (`nsb
                     bounds where they are proven, else estimates, NaN where there are none;
                     state_norm, reaction_norm: the errors in this norm
 multipliers_unique  have the active gradients full rank along the reference? None without one
-selection,          where they have not (impulse, l1, settled, sup are NaN there and the error
+compared            "impulse" or "reaction": whose error tells of the multipliers; the reaction
+                    where they are not unique, or the reference does not know them as well as it
+                    (`Reference.knows_impulse`)
+selection,          where gradients have not (impulse, l1, settled, sup are NaN there and the error
 polyhedron          of the reaction stands in their place): distance of the multipliers to the
                     smallest element of the set of all (a selection, no error) and to the set
 *_floor             ten times the reference's own error; errors below say nothing
@@ -67,6 +70,7 @@ def errors(case: Case, traj: Trajectory, context: MeasureContext | None = None) 
     out |= {
         "reference": "none" if ref is None else ref.kind,
         "multipliers_unique": made.unique,
+        "compared": made.compared,
         "below": "",
     }
     if not len(traj.t):

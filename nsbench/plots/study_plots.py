@@ -13,7 +13,7 @@ class StudyPlots:
     """Charts of a study, as `study.plot`.
 
     case: its key, by default the only one of the study. metric: "state", "force" (impulses, or the
-    reaction where multipliers are not unique), "violation" or "selection". highlight: a method that
+    reaction where that is compared), "violation" or "selection". highlight: a method that
     keeps its colour over the grey background of all others. beside: a folder of results, as of a
     released version, whose methods are drawn too where the study has not run them. Each method
     raises ValueError for a case, metric or method that is not there, and where no run has a number.

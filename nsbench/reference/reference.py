@@ -18,6 +18,10 @@ FINE = 1e-15  # relative; halves that agree with the whole to this add no more t
 # of a piece, at most and at least
 HALVINGS = 24
 TWICE = 2
+# Impulses worse known than this, and than so many times the reaction (relative, both) are not known
+# as well as it: their gradients are nearly dependent.
+IMPULSE_UNKNOWN = 1e-8
+IMPULSE_WORSE = 1e3
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -49,6 +53,24 @@ class Reference:
     versions: dict = dataclasses.field(default_factory=dict)
     event_error: float = float("nan")
     shown: dict = dataclasses.field(default_factory=dict)
+
+    @property
+    def knows_impulse(self) -> bool:
+        """Are the impulses known as well as the reaction, each relative to its largest value?
+
+        Not where multipliers are nearly not unique: of almost dependent gradients the sum is known
+        far better than its parts. True where one of the two is missing.
+        """
+        if self.impulse is None or self.reaction is None:
+            return True
+        impulse, reaction = (
+            error / max(1.0, float(np.abs(values).max(initial=0.0)))
+            for error, values in (
+                (self.impulse_error, self.impulse),
+                (self.reaction_error, self.reaction),
+            )
+        )
+        return not (impulse > IMPULSE_UNKNOWN and impulse > IMPULSE_WORSE * reaction)
 
     def __repr__(self) -> str:
         """Return kind, sizes and bound; the arrays are attributes."""

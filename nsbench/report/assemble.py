@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from nsbench.measure.compared_multiplier import NOT_UNIQUE
 from nsbench.report import cost, performance_profiles, scaling
+from nsbench.report.answers.choices import write_headline
+from nsbench.report.answers.multipliers import explain_reactions
 from nsbench.report.content import Content
 from nsbench.report.data import Data
 from nsbench.report.euler_sliding_figure import (
@@ -25,7 +28,7 @@ from nsbench.report.style import (
     method_of,
     sanitise,
 )
-from nsbench.report.summary import Summary, summarise
+from nsbench.report.summary import Summary, summarise, without_refusals
 from nsbench.report.svg_plots import compose_sheet, draw_panel, inline_svg
 from nsbench.report.tables.citation_table import citation_table
 from nsbench.report.tables.clock_table import clock_table
@@ -56,7 +59,7 @@ from nsbench.report.tables.reliability_tables import (
     expected_table,
     references_table,
 )
-from nsbench.report.verdict import write_headline, write_verdict
+from nsbench.report.verdict import write_verdict
 
 MAX_NOTES = 3  # of one method on one case: most differ in their numbers only
 TAKEN_PREFIXES = (  # of ids and files
@@ -186,10 +189,11 @@ def assemble_content(
 ) -> Content:
     """Compute tables and sentences, and put them around the figures."""
     s = drawn.summaries
+    shown = without_refusals(s)
     built = [
-        ranking_table(data, s),
+        ranking_table(data, shown),
         choice_table(data, s),
-        orders_table(s),
+        orders_table(shown),
         speed_table(data, s),
         seeds_table(data),
         failures_table(data),
@@ -198,7 +202,7 @@ def assemble_content(
         citation_table(data.specs),
         glossary_table(data),
         expected_table(judge_expectations(data, s)),
-        bounds_table(data, s),
+        bounds_table(data, shown),
         error_bar_table(s),
         references_table(data, s),
         selection_table(data, s),
@@ -264,7 +268,10 @@ def write_case_notes(data: Data, case: str, summaries: dict[tuple, Summary]) -> 
         out.append("No run of this case gave a number; the sentences below say why.")
     if data.case_keys.index(case) >= MAX_DRAWN_CASES:
         out.append(f"Figures are drawn for the first {MAX_DRAWN_CASES} cases of a study.")
-    if any(s.force.metric == "reaction" for s in own):
+    why = explain_reactions({(case, s.solver): s for s in own}).get(case, "")
+    if why and why != NOT_UNIQUE:
+        out.append(f"{why[0].upper()}{why[1:]}.")
+    if why == NOT_UNIQUE:
         out.append(
             "The multipliers are not unique here: the reaction is compared instead, and what a "
             "method picks among the multipliers is drawn apart, as its selection; it is not an "

@@ -9,8 +9,7 @@ between loops of one kind that were timed together (COMPARISON_RULE).
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -229,37 +228,6 @@ def _exponent(h: np.ndarray, values: np.ndarray) -> float:
     return float(np.polyfit(x, np.log(values[half][use]), 1)[0])
 
 
-def cheapest_extrapolated(summaries: Iterable[Summary], target: float) -> Cost | None:
-    """Return the extrapolated cost with the fewest seconds, of compiled loops if there are any."""
-    found = [extrapolate_cost(s, target) for s in summaries]
-    known = [c for c in found if c is not None and c.seconds > 0.0]
-    return min(known, key=lambda c: (c.loop != "compiled", c.seconds), default=None)
-
-
-def cheapest(found: list[Cost]) -> Cost:
-    """Return the cost with the fewest seconds; the first one where no seconds are known.
-
-    found: as rank_costs returns them, at least one. A host loop that takes fewer seconds than all
-    compiled ones is cheaper beyond doubt, though COMPARISON_RULE forbids a ratio.
-    """
-    timed = [c for c in found if c.seconds > 0.0]
-    return min(timed, key=lambda c: c.seconds, default=found[0])
-
-
-def cheaper_extrapolated(
-    summaries: Iterable[Summary], found: list[Cost], target: float
-) -> Cost | None:
-    """Return the extrapolated cost that is below those of all methods that reach the error.
-
-    found: as rank_costs returns them. Where none reaches it the cheapest extrapolated one; a ladder
-    that stops short of an error does not make its method dear.
-    """
-    further = cheapest_extrapolated(summaries, target)
-    if further is None or not found:
-        return further
-    return further if further.seconds < cheapest(found).seconds else None
-
-
 def format_extrapolated(cost: Cost) -> str:
     """Say which step an error needs: ``needs h = 6e-5, about 55 ms (extrapolated)``."""
     return f"needs {format_setting(cost)}, about {format_seconds(cost.seconds)} (extrapolated)"
@@ -291,16 +259,6 @@ def rank_costs(data: Data, case: str, target: float) -> list[Cost]:
             c.solver,
         ),
     )
-
-
-def count_cheapest(ranked: Iterable[list[Cost]]) -> Counter[str]:
-    """Count on how many cases each method is the cheapest, as rank_costs returns them.
-
-    Of compiled loops alone where there is one: the seconds of the others are the interpreter's.
-    """
-    firsts = [found[0] for found in ranked if found]
-    compiled = [c for c in firsts if c.loop == "compiled"]
-    return Counter(c.solver for c in compiled or firsts)
 
 
 def select_baseline(found: list[Cost]) -> Cost | None:

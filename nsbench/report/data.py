@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from nsbench.columns import by_name, describe, names
+from nsbench.measure.compared_multiplier import why_reaction
 from nsbench.report.stored_results import (
     read_notes,
     read_player,
@@ -70,6 +71,17 @@ class Runs:
         return not np.any(u[np.isfinite(u)] == 0)
 
     @property
+    def compared(self) -> str:
+        """Return the error that tells of the multipliers: "impulse", or "reaction"."""
+        told = "reaction" in self.col["compared"] or not self.unique
+        return "reaction" if told else "impulse"
+
+    @property
+    def why_reaction(self) -> str:
+        """Say in a sentence why the reaction is compared; "" where impulses are."""
+        return why_reaction(self.unique, self.compared, self.floor("impulse"))
+
+    @property
     def violates(self) -> bool:
         """Does the step size decide how far constraints are violated?"""
         return self.accuracy == "h" and bool(
@@ -82,6 +94,10 @@ class Runs:
         Rounding is relative to it.
         """
         return self._largest(describe(metric).scale, 1.0)
+
+    def relative(self, metric: str, error):
+        """Divide an error, or an array of them, by the size of the quantity, at least 1."""
+        return error / max(1.0, self.scale(metric))
 
     def floor(self, metric: str) -> float:
         """Return the error of `metric` below which only the reference's own error is measured.

@@ -114,9 +114,9 @@ def judge_expectations(
 
 
 def describe_expected(want: Wanted) -> str:
-    """Format an expectation: ``at most 1e-10``, ``order 1``, ``plateau``."""
+    """Format an expectation: ``at most 1e-10, relative``, ``order 1``, ``plateau``."""
     if isinstance(want, tuple):
-        return f"at most {format_number(want[1])}"
+        return f"at most {format_number(want[1])}, relative"
     return f"order {want:g}" if isinstance(want, (int, float)) else str(want)
 
 
@@ -142,7 +142,7 @@ def judge(want: Wanted, s: Summary, o: Order) -> str:
     if isinstance(want, str) and want not in ("exact", "plateau", "diverges"):
         return "passes"  # a failure was expected, and runs gave numbers
     if o.kind == "bound":
-        return "kept" if not o.flag else "below"
+        return "below" if o.flag else "open" if o.verdict == "below reference" else "kept"
     if o.kind in ("level", "none"):
         return "kept" if o.verdict == "below reference" or o.text == "below reference" else "open"
     if o.kind == "exact":

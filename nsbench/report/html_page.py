@@ -22,6 +22,8 @@ from urllib.parse import quote
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
+from nsbench.columns import ABSOLUTE
+from nsbench.report.answers.best_method import RULE
 from nsbench.report.charts.files import chart_library
 from nsbench.report.charts.payload import encode_payload, pack_player
 from nsbench.report.content import (
@@ -34,7 +36,7 @@ from nsbench.report.content import (
 from nsbench.report.cost import COMPARISON_RULE
 from nsbench.report.study_pages import StudySection
 from nsbench.report.style import DARK, DARK_THEME, LIGHT_THEME, PALETTE, SHAPES, Look
-from nsbench.report.summary import Summary
+from nsbench.report.summary import Summary, without_refusals
 from nsbench.report.svg_plots import DASHES, define_markers, inline_svg
 from nsbench.report.tables.reliability_tables import describe_reference
 
@@ -119,6 +121,8 @@ def render_page(content: Content) -> str:
         studies=content.studies,
         trust_tables=TRUST_TABLES,
         comparison_rule=COMPARISON_RULE,
+        best_rule=RULE,
+        absolute=ABSOLUTE,
         measured=MEASURED,
     )
 
@@ -298,7 +302,7 @@ def prepare_case(content: Content, case: str) -> CaseSection:
         panels=content.panels[case],
         fits=[
             Fit(solver, _explain_fit(summary))
-            for (key, solver), summary in content.summaries.items()
+            for (key, solver), summary in without_refusals(content.summaries).items()
             if key == case
         ],
     )

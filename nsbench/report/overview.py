@@ -1,29 +1,26 @@
 """Table for the terminal at the end of `nsbench run`: per case the best method, its error and cost.
 
-Best is the cheapest method that reaches the state error TARGET, or whose order tells that a smaller
-step than it was given would, in fewer seconds ("extrapolated"); where no error is known, or none is
-small enough, the line says so.
+Best at the state error TARGET is what nsbench.report.answers.best_method says, as in the report;
+where no error is known, or none is small enough, the line says so.
 """
 
 from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from nsbench.report.cost import (
-    Cost,
-    cheaper_extrapolated,
-    cheapest,
-    format_setting,
-    rank_costs,
-)
+from nsbench.measure.compared_multiplier import NEARLY
+from nsbench.report.answers.best_method import best_at
+from nsbench.report.cost import format_setting
 from nsbench.report.data import Data, Runs
 from nsbench.report.style import format_count, format_seconds
 from nsbench.report.summary import (
+    Order,
+    Summary,
     estimate_order,
     format_error,
     rounding_span,
@@ -46,6 +43,7 @@ class Line:
 
     seconds: NaN where no method is best. refused, unverified, failed: numbers of methods that
     refuse the case, of runs whose error is not certain, and of runs that ended with a failure.
+    why_reaction: why the multipliers are judged by the reaction, "" where they are not.
     """
 
     case: str
@@ -57,6 +55,7 @@ class Line:
     refused: int
     unverified: int
     failed: int
+    why_reaction: str = ""
 
     def cells(self) -> tuple[str, ...]:
         """Return the cells of the table."""
@@ -77,43 +76,31 @@ def _line(data: Data, case: str) -> Line:
     refused = sum(set(r.col["status"]) == {"refused"} for r in runs)
     failed = sum(s not in NO_FAILURE for s in statuses)
     counts = refused, statuses.count("unverified"), failed
-    ranked = rank_costs(data, case, TARGET)
-    further = _further(data, runs, ranked)
-    if further is not None:
-        setting = f"{format_setting(further)}, extrapolated"
-        seconds = further.seconds
-        return Line(case, further.solver, setting, seconds, "-", "-", *counts)
-    if not ranked:
+    why = next((r.why_reaction for r in runs if r.why_reaction), "")
+    best = best_at(data, case, TARGET, functools.partial(_summaries, data, runs))
+    if best.cost is None:
         measured = any(np.isfinite(r.col["state_sup"][r.good]).any() for r in runs)
-        best = NOT_REACHED if measured else NOT_KNOWN
+        word = NOT_REACHED if measured else NOT_KNOWN
         if refused == len(runs):
-            best = "refused"
-        return Line(case, best, "", math.nan, "-", "-", *counts)
-    first = cheapest(ranked)
-    chosen = next(r for r in runs if r.solver == first.solver)
+            word = "refused"
+        return Line(case, word, "", math.nan, "-", "-", *counts, why)
+    chosen = next(r for r in runs if r.solver == best.cost.solver)
+    force = "reaction" if why else "impulse"
+    setting = format_setting(best.cost)
+    multipliers = _multipliers(chosen, force)
+    if best.cost.is_extrapolated:
+        setting += ", extrapolated"
+        multipliers = _multiplier_order(data, chosen, force)
+    order = _order(data, chosen, "state_sup").text
     return Line(
-        case,
-        first.solver,
-        format_setting(first),
-        first.seconds,
-        _order(data, chosen),
-        _multipliers(chosen),
-        *counts,
+        case, best.cost.solver, setting, best.cost.seconds, order, multipliers, *counts, why
     )
 
 
-def _further(data: Data, runs: list[Runs], ranked: list[Cost]) -> Cost | None:
-    """Return the extrapolated cost at which TARGET would be reached in fewer seconds than by any
-    method that does."""
-    seconds = cheapest(ranked).seconds if ranked else math.inf
-    reached = {c.solver for c in ranked}
-    some = {
-        (r.case, r.solver): r
-        for r in runs
-        if r.solver not in reached and _finest_seconds(r) < seconds  # finer steps take longer
-    }
-    summaries = summarise(replace(data, runs=some)).values()
-    return cheaper_extrapolated(summaries, ranked, TARGET)
+def _summaries(data: Data, runs: list[Runs], seconds: float) -> Iterator[Summary]:
+    """Summarise the methods of a case that may take fewer seconds beyond their finest run."""
+    some = {(r.case, r.solver): r for r in runs if _finest_seconds(r) < seconds}
+    yield from summarise(replace(data, runs=some)).values()
 
 
 def _finest_seconds(runs: Runs) -> float:
@@ -122,18 +109,25 @@ def _finest_seconds(runs: Runs) -> float:
     return float(runs.col["seconds"][good][-1]) if good.any() else math.inf
 
 
-def _order(data: Data, runs: Runs) -> str:
-    """Return the order of the state error in the words of the report."""
+def _order(data: Data, runs: Runs, metric: str) -> Order:
+    """Return the order of an error in the words of the report."""
     from nsbench.measure import fit_order
 
     fit = functools.partial(fit_order, span=rounding_span(data, runs.case, runs.solver))
-    claims = stored_claims(data, runs.solver)
-    return estimate_order(runs, "state_sup", claims, fit).text
+    return estimate_order(runs, metric, stored_claims(data, runs.solver), fit)
 
 
-def _multipliers(runs: Runs) -> str:
-    """Return the smallest error of the impulses, or of the reaction where these are not unique."""
-    for name in ("impulse", "reaction"):
+def _multiplier_order(data: Data, runs: Runs, force: str) -> str:
+    """Return the order of the multipliers: no run shows the error that an extrapolated one has."""
+    order = _order(data, runs, force)
+    words = f"order {order.text}" if order.kind == "fit" else order.text
+    return f"{'reaction ' if force == 'reaction' else ''}{words}"
+
+
+def _multipliers(runs: Runs, force: str) -> str:
+    """Return the smallest error of the impulses; of the reaction where that is compared or known
+    alone."""
+    for name in dict.fromkeys((force, "reaction")):
         values = runs.col[name][runs.good]
         known = values[np.isfinite(values)]
         if known.size:
@@ -146,11 +140,13 @@ def format_overview(data: Data) -> list[str]:
     """Return the table as lines of aligned cells: at most MAX_LINES cases, the rest as a count."""
     keys = data.case_keys
     shown = keys if len(keys) <= MAX_LINES else keys[: MAX_LINES - 1]
-    rows = [HEAD, *(line.cells() for line in overview(data, shown))]
+    found = overview(data, shown)
+    rows = [HEAD, *(line.cells() for line in found)]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = [
         "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
         for row in rows
     ]
+    lines += [f"{o.case}: {o.why_reaction}" for o in found if o.why_reaction.startswith(NEARLY)]
     more = len(keys) - len(shown)
     return [*lines, f"... and {format_count(more, 'case')} more in the report"] if more else lines

@@ -24,9 +24,11 @@ def case_panels(
     """
     mine = [summaries[r.case, r.solver] for r in runs]
     force = mine[0].force.metric if mine else "impulse"
+    unique = all(r.unique for r in runs)
+    doubt = "nearly not" if unique else "not"
     titles = {
         "impulse": "Impulse error",
-        "reaction": "Reaction error (multipliers are not unique)",
+        "reaction": f"Reaction error (multipliers are {doubt} unique)",
     }
     out = [
         Panel(

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nsbench.columns import describe
+from nsbench.columns import RELATIVE, describe
 from nsbench.report.claims import rounding_span, stored_claims
 from nsbench.report.data import GOOD, Data, Runs
 from nsbench.report.style import format_count, format_number, sanitise
@@ -57,8 +57,8 @@ class Order:
 class Summary:
     """One method on one case.
 
-    force: of the impulse, or the reaction where that alone is unique; settled: of multipliers at
-    single times, as means over a sample interval away from events.
+    force: of the impulse, or the reaction where that alone is unique or known; settled: of
+    multipliers at single times, as means over a sample interval away from events.
     outcome: the sentence that replaces all numbers where no run gave one, else "".
     """
 
@@ -93,11 +93,11 @@ def summarise(data: Data) -> dict[tuple[str, str], Summary]:
     """
     from nsbench.measure import fit_order
 
-    nonunique = {case for (case, _), r in data.runs.items() if not r.unique}
+    by_reaction = {case for (case, _), r in data.runs.items() if r.compared == "reaction"}
     out = {}
     for (case, solver), runs in data.runs.items():
         claims = stored_claims(data, solver)
-        force = "reaction" if case in nonunique else "impulse"
+        force = "reaction" if case in by_reaction else "impulse"
         statuses = Counter(runs.col["status"].tolist())
         fit = functools.partial(fit_order, span=rounding_span(data, case, solver))
         out[case, solver] = Summary(
@@ -110,6 +110,16 @@ def summarise(data: Data) -> dict[tuple[str, str], Summary]:
             _outcome(runs, statuses),
         )
     return out
+
+
+def without_refusals(summaries: dict[tuple[str, str], Summary]) -> dict[tuple[str, str], Summary]:
+    """Leave refusals out of the summaries of a single case: their section names them once.
+
+    Of several cases all are kept, since tables show which methods take which cases.
+    """
+    if len({case for case, _ in summaries}) > 1:
+        return summaries
+    return {key: s for key, s in summaries.items() if s.word != "refused"}
 
 
 def _outcome(runs: Runs, statuses: Counter) -> str:
@@ -155,7 +165,7 @@ def estimate_order(runs: Runs, metric: str, claims: dict, fit: Callable) -> Orde
     )
     bound = claims.get("exact") if metric == "state_sup" else None
     if bound is not None or (runs.accuracy == "tol" and claim is None):
-        return _bound(metric, name, bound, error, h, best, runs.floor(metric))
+        return _bound(runs, metric, bound, error, h, best)
     steps = np.unique(h).size
     if steps < MIN_STEPS:
         return Order(
@@ -246,25 +256,38 @@ def format_error(value: float, floor: float) -> str:
     return f"< {format_number(floor)}" if value < floor else format_number(value)
 
 
-def _bound(metric: str, name: str, bound, error, h, best, floor) -> Order:
-    """Compare the error at the tightest tolerance with the bound that the method claims."""
-    last = float(error[np.argmin(h)])
+def _bound(
+    runs: Runs,
+    metric: str,
+    bound: float | None,
+    error: np.ndarray,
+    h: np.ndarray,
+    best: dict[str, float],
+) -> Order:
+    """Compare the error at the tightest tolerance with the bound that the method claims.
+
+    The bound is of the error relative to the size of what it is the error of, as in the texts.
+    """
+    name = describe(metric).title
     if bound is None:
         return Order(
             metric,
             "level",
             "no order in tol",
             f"{name}: the accuracy is a tolerance, and no order in it is claimed. Smallest error "
-            f"{format_error(best['best'], floor)} at tol = {format_number(best['best_h'])}.",
+            f"{format_error(best['best'], runs.floor(metric))} at tol = "
+            f"{format_number(best['best_h'])}.",
             **best,
         )
+    last = runs.relative(metric, float(error[np.argmin(h)]))
+    floor = runs.relative(metric, runs.floor(metric))
     if last < floor and floor > bound:
         return Order(
             metric,
             "bound",
             f"< {format_number(floor)}",
-            f"{name}: the error is below {format_number(floor)}, ten times the bound of the "
-            f"reference: it cannot tell whether the claimed {format_number(bound)} is kept.",
+            f"{name}: the error is below {format_number(floor)} ({RELATIVE}), ten times the bound "
+            f"of the reference: whether the claimed {format_number(bound)} is kept is not known.",
             verdict="below reference",
             claim=bound,
             **best,
@@ -277,8 +300,8 @@ def _bound(metric: str, name: str, bound, error, h, best, floor) -> Order:
         f"{text} ≤ {format_number(bound)}"
         if kept
         else f"{format_number(last)} > {format_number(bound)}",
-        f"{name}: the method claims an error of at most {format_number(bound)}; at tol = "
-        f"{format_number(float(h.min()))} it is {text}: {'kept' if kept else 'missed'}.",
+        f"{name}: the method claims an error of at most {format_number(bound)} ({RELATIVE}); at "
+        f"tol = {format_number(float(h.min()))} it is {text}: {'kept' if kept else 'missed'}.",
         verdict="bound kept" if kept else "bound missed",
         flag="" if kept else "below",
         claim=bound,
@@ -331,7 +354,7 @@ def find_silent_failures(summaries: dict[tuple[str, str], Summary]) -> list[Summ
             if np.any(
                 (col["status"] == "ok")
                 & tightest
-                & (col["state_sup"] > s.state.claim)
+                & (s.runs.relative("state_sup", col["state_sup"]) > s.state.claim)
                 & ~(col["state_sup"] < s.runs.floor("state_sup"))
             ):
                 out.append(s)

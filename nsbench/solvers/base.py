@@ -40,9 +40,10 @@ Run = Callable[[], Trajectory]
 class Claims:
     """Orders that a method claims in its accuracy parameter: h of fixed steps, 1/k of a penalty.
 
-    state, impulse: None where no order is claimed. exact: a bound on the state error, claimed
-    instead of an order (event-driven). rounding: how many times the rounding of one addition per
-    step h can appear in the result; errors below that are no errors of the method.
+    state, impulse: None where no order is claimed. exact: a bound on the state error relative to
+    max(1, |x|), claimed instead of an order (event-driven). rounding: how many times the rounding
+    of one addition per step h can appear in the result; errors below that are no errors of the
+    method.
     """
 
     state: float | None = None

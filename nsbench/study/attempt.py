@@ -218,11 +218,12 @@ def perturbed_start(case: Case, seed: int) -> Case:
 def _below(row: dict) -> dict:
     """Return the status of a run that is right as far as its reference can tell, else no column.
 
-    Its errors of state and impulses (or, where these are not unique or not known, of the reaction)
-    are below ten times the bound of the reference.
+    Its errors of state and impulses (or of the reaction, where the column `compared` says so or
+    impulses are not known) are below ten times the bound of the reference.
     """
     below = row.get("below", "").split()
-    force = next((name for name in ("impulse", "reaction") if np.isfinite(row[name])), None)
+    names = (row.get("compared") or "impulse", "reaction")
+    force = next((name for name in names if np.isfinite(row[name])), None)
     if row["status"] != "ok" or "state_sup" not in below or (force and force not in below):
         return {}
     return _status(

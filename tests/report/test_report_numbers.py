@@ -7,6 +7,7 @@ from report_rows import SOLVERS, STEPS, row, summaries
 
 from nsbench.report import cost as speed
 from nsbench.report import data, euler_sliding_figure, overview, style, summary, verdict
+from nsbench.report.answers import choices
 from nsbench.report.tables import equal_error_tables, order_table, reliability_tables
 from nsbench.solvers import get
 from nsbench.trajectory import STATUSES
@@ -165,23 +166,46 @@ def test_the_cheapest_method_depends_on_the_rows():
 
 
 @pytest.mark.parametrize("loop", ["compiled", "host"])
-def test_a_ladder_that_stops_short_does_not_make_its_method_dear(loop):
+def test_a_run_that_reaches_the_error_is_best_and_an_extrapolation_is_named_beside_it(loop):
     """PBD stops above the error, and would take 3 ms for it."""
     rows = [
         row("a", "pbd", float(h), state_sup=30.0 * h, seconds=1e-7 / h, loop="compiled")
         for h in STEPS
     ]
     rows += [row("a", "event_driven", 1e-12, state_sup=1e-15, loop=loop)]
-    for seconds, best in ((3e-2, "pbd"), (3e-4, "event_driven")):
+    at = 1 + speed.TARGETS.index(overview.TARGET)
+    for seconds in (3e-2, 3e-4):
         rows[-1]["seconds"] = seconds
         read = data.read(rows)
-        cells = equal_error_tables.choice_table(read, summary.summarise(read)).rows[0].cells
-        cell = cells[1 + speed.TARGETS.index(overview.TARGET)]
+        found = summary.summarise(read)
+        cell = equal_error_tables.choice_table(read, found).rows[0].cells[at]
+        ranks = equal_error_tables.ranking_table(read, found).rows
         line = overview.overview(read)[0]
-        assert cell.text == line.best == best
-        told = ["extrapolated" in text for text in (cell.small, line.setting)]
-        assert told == [best == "pbd"] * 2
-        assert best == "event_driven" or "event_driven 30 ms" in cell.title
+        first = choices.write_headline(read, found)
+        assert cell.text == line.best == "event_driven" and "extrapolated" not in line.setting
+        assert f"the cheapest is event_driven (h = {line.setting[4:]}, " in first
+        won = {r.solver: r.cells[at].small for r in ranks}
+        assert won["event_driven"] == "cheapest on 1" and won["pbd"] == "cheapest on 0"
+        assert [" pbd " in text for text in (cell.small, first)] == [seconds > 3e-3] * 2
+
+
+def test_where_no_run_reaches_the_error_all_name_the_same_extrapolation():
+    rows = [
+        row("a", "pbd", float(h), state_sup=30.0 * h, impulse=2.0 * h, seconds=1e-7 / h)
+        for h in STEPS
+    ]
+    read = data.read(rows)
+    found = summary.summarise(read)
+    cell = equal_error_tables.choice_table(read, found).rows[0].cells[
+        1 + speed.TARGETS.index(overview.TARGET)
+    ]
+    (line,) = overview.overview(read)
+    first = choices.write_headline(read, found)
+    assert cell.text == line.best == "pbd" and line.setting.endswith(", extrapolated")
+    assert "reached by no run; best by its order is pbd" in first
+    assert line.setting.removesuffix(", extrapolated") in cell.small
+    assert line.setting.removesuffix(", extrapolated") in first
+    assert line.order.startswith("1.00 [") and line.multipliers.startswith("order 1.00 [")
 
 
 def test_a_host_loop_with_fewer_seconds_is_the_cheapest():
@@ -195,6 +219,8 @@ def test_a_host_loop_with_fewer_seconds_is_the_cheapest():
         read = data.read(rows)
         cells = equal_error_tables.choice_table(read, summary.summarise(read)).rows[0].cells
         assert cells[1 + speed.TARGETS.index(1e-3)].text == overview.overview(read)[0].best == best
+        headline = choices.write_headline(read, summary.summarise(read))
+        assert f"the cheapest is {best} " in headline
 
 
 @pytest.mark.parametrize(
@@ -332,7 +358,7 @@ def test_the_cheapest_beyond_the_fourth_are_counted_and_those_by_their_orders_ar
             for h in STEPS
         ]
     said = told("Which method", rows)
-    assert "Error 1e-2: cheapest is pbd on 1" in said and ", others on 1 of 5 cases" in said
+    assert "units of the case): cheapest is pbd on 1" in said and ", others on 1 of 5 cases" in said
     slow = [
         row("c", "catching_up", float(h), state_sup=1e-9, seconds=100.0, loop="compiled")
         for h in STEPS
@@ -341,7 +367,11 @@ def test_the_cheapest_beyond_the_fourth_are_counted_and_those_by_their_orders_ar
         row("c", "pbd", float(h), state_sup=float(h), seconds=1e-6 / float(h), loop="compiled")
         for h in STEPS
     ]
-    assert "others would be, by their orders, on c." in told("Which method", slow + quick)
+    both = [r | {"case": case} for r in slow + quick for case in "cd"]
+    assert "others would be, by their orders, on c and d." in told("Which method", both)
+    assert "pbd would take less time by its order, but needs h = " in told(
+        "Which method", slow + quick
+    )
 
 
 def test_steps_for_a_violation_are_told_with_the_cases_that_they_hold_for():

@@ -4,8 +4,8 @@
     nsbench run SCENES -j 1 -o FINER --reach 1e-6 --budget 60
     python tests/studies/verdicts.py DIR FINER
 
-One line for each case and error: what the report of DIR says, with "~" where the step is
-extrapolated, and what FINER says, where every method goes on until it reaches the error or its
+One line for each case and error: the quickest method that the report of DIR names, with "~" where
+its step is extrapolated, and what FINER says, where every method goes on until it reaches the error or its
 budget is spent. Costs of both are those of FINER. At the end how often the choice is the cheapest
 one, how often another one is within TIE, and the largest factor lost; exit status 1 if one is
 above TIE.
@@ -15,6 +15,7 @@ import argparse
 import sys
 
 from nsbench.report import cost
+from nsbench.report.answers.best_method import best_of_page, cheapest
 from nsbench.report.data import Data, read
 from nsbench.report.summary import summarise
 
@@ -22,11 +23,9 @@ TIE = 1.25  # runs of a millisecond differ by as much between two rounds
 
 
 def said(data: Data, case: str, target: float) -> cost.Cost | None:
-    """Return the choice of the report of these rows; None: none reaches the error."""
-    found = cost.rank_costs(data, case, target)
-    own = [s for (c, _), s in summarise(data).items() if c == case]
-    further = cost.cheaper_extrapolated(own, found, target)
-    return further or (cost.cheapest(found) if found else None)
+    """Return the quickest method that the report of these rows names; None: none at all."""
+    best = best_of_page(data, summarise(data), case, target)
+    return best.further or best.cost
 
 
 def main() -> int:
@@ -48,7 +47,7 @@ def main() -> int:
                 print(f"{case:24} {target:g} said {one}, {count}", flush=True)
                 lost.append(float("inf") if choice or ranked else 1.0)
                 continue
-            best = cost.cheapest(ranked)
+            best = cheapest(ranked)
             true = {c.solver: c.seconds for c in ranked}.get(choice.solver, float("inf"))
             lost.append(true / best.seconds)
             print(

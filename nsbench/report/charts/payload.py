@@ -14,6 +14,7 @@ import math
 
 import numpy as np
 
+from nsbench.report.answers.best_method import best_of_page
 from nsbench.report.charts.bar_texts import QUANTITIES, error_bars, measurable
 from nsbench.report.charts.coincidence import REACH, coincident_methods
 from nsbench.report.charts.layouts import (
@@ -31,6 +32,7 @@ from nsbench.report.cost import (
     cost_at_error,
     counted_inner_work,
     extrapolate_cost,
+    format_extrapolated,
     least_error,
 )
 from nsbench.report.data import GOOD, Runs
@@ -101,9 +103,10 @@ def _same_budget(shown: list[dict]) -> list[int] | None:
 def payload(content: Content) -> dict:
     """Collect the data of the page.
 
-    targets, labels: errors of the slider. methods, cases: what is shown of each. pairs: one entry
-    per method and case (see `_pair`). groups: methods whose marks coincide in some chart. columns:
-    of the results, by metric and cost. reach: see coincidence. layouts: the charts without data.
+    targets, labels: errors of the slider. methods, cases: what is shown of each, with the best
+    method at each target (`_best`). pairs: one entry per method and case (see `_pair`). groups:
+    methods whose marks coincide in some chart. columns: of the results, by metric and cost. reach:
+    see coincidence. layouts: the charts without data. scenes: players by case.
     """
     data = content.data
     position = {solver: k for k, solver in enumerate(data.specs)}
@@ -127,6 +130,7 @@ def payload(content: Content) -> dict:
                 "group": str(data.cases.get(case, {}).get("problem") or "other"),
                 "length": _number(data.cases.get(case, {}).get("own_length")),
                 "tags": [str(t) for t in data.cases.get(case, {}).get("tags") or ()],
+                "best": [_best(content, case, t, position) for t in TARGETS],
             }
             for case in cases
         ],
@@ -187,6 +191,14 @@ def _marks(pair: dict, y: str, x: str) -> list[dict]:
         elif at and at > 0.0 and not good and pair["status"][k] != "refused":
             out.append({**mark(k, "failed"), "x": at})
     return out
+def _best(content: Content, case: str, target: float, position: dict[str, int]) -> list | None:
+    """The best method at a target: its number, and what it needs where no run reached the error
+    (else ""); None where there is none."""
+    best = best_of_page(content.data, content.summaries, case, target)
+    if best.cost is None:
+        return None
+    needs = "" if best.reached else format_extrapolated(best.cost)
+    return [position[best.cost.solver], needs]
 
 
 def _label(target: float) -> str:
@@ -222,6 +234,7 @@ def _pair(summary: Summary, case: int, method: int) -> dict:
         "inner": _numbers(counted_inner_work(runs)[kept]),
         "metric": force,
         "trust": summary.force.text,
+        "reason": runs.why_reaction,
         "orders": {
             "state": _order(summary.state),
             "force": _order(summary.force),

@@ -47,7 +47,7 @@ def work_precision(
     """Chart errors against the seconds of the runs.
 
     study: whatever nsbench.write_report takes. case: its key; by default the only one of the
-    study. metric: state, force (impulse, or reaction where multipliers are not unique), violation
+    study. metric: state, force (impulse, or reaction where that is compared), violation
     or selection. highlight: a method that keeps its colour; all others are a grey background.
     beside: a folder of results, such as those of a released version, whose methods are drawn too
     where the study has not run them. Raises ValueError for a case, metric or method that is not
@@ -131,8 +131,8 @@ def _errors(data: Data, case, metric: str, axis: tuple[str, str], highlight: str
     if case not in data.case_keys:
         raise ValueError(f"which case? The study has {', '.join(data.case_keys)}")
     found = data.of_case(case)
-    unique = all(runs.unique for runs in found)
-    column = METRICS.get(metric, "impulse" if unique else "reaction")
+    by_reaction = any(runs.compared == "reaction" for runs in found)
+    column = METRICS.get(metric, "reaction" if by_reaction else "impulse")
     points = [p for runs in found for p in _points(runs, column, x)]
     floor = max((runs.floor(column) for runs in found), default=0.0)
     name_together(points)

@@ -37,6 +37,12 @@ const answer = {
     return cost && pair.loop === "compiled" && cost[0] > 0 ? cost : null;
   },
 
+  // Is a pair the best of its case at target k, by runs that reach the error?
+  measured(pair, k) {
+    const best = nsbench.data.cases[pair.c].best[k];
+    return Boolean(best) && best[0] === pair.m && !best[1];
+  },
+
   // Rank the methods: [{method, reached, cheapest, mean, step, failed, refused, trust}].
   rank(k) {
     const { cases, pairs } = answer.selection();
@@ -83,11 +89,11 @@ const answer = {
       }
       row.reached += pair.cost[k] ? 1 : 0;
       row.misses.push(...(pair.cost[k] ? [] : [pair]));
+      row.cheapest += answer.measured(pair, k) ? 1 : 0;
       const cost = answer.timed(pair, k);
       row.untimed += pair.cost[k] && !cost ? 1 : 0;
       if (cost) {
         const first = best.get(pair.c);
-        row.cheapest += first.method === pair.m ? 1 : 0;
         // a tie: the lower quartile is not above the upper quartile of the cheapest
         row.ties += first.method !== pair.m && cost[1] !== null && cost[1] <= first.cost[2] ? 1 : 0;
         row.logs.set(pair.c, Math.log(cost[0] + answer.SHIFT));
@@ -145,6 +151,10 @@ const answer = {
       target.textContent = "No case matches.";
       return;
     }
+    if (cases.length === 1) {
+      answer.single(target, cases[0], label);
+      return;
+    }
     if (!first) {
       target.textContent = `No compiled method reaches an error of ${label} on these cases.`;
       return;
@@ -168,6 +178,27 @@ const answer = {
     );
   },
 
+  // The best method on the only case, as on the terminal; the ranking holds the others.
+  single(target, c, label) {
+    const k = Number(document.getElementById("answer-error").value);
+    const best = nsbench.data.cases[c].best[k];
+    if (!best) {
+      target.textContent = `No method reaches an error of ${label} on this case.`;
+      return;
+    }
+    const chip = nsbench.chip(best[0]);
+    if (best[1]) {
+      target.replaceChildren(`No run reaches an error of ${label}; best by its order is `, chip,
+        `, which ${best[1]}.`);
+      return;
+    }
+    const pair = nsbench.data.pairs.find((one) => one.c === c && one.m === best[0]);
+    const setting = answer.setting({ steps: [pair.cost[k][3]], accuracy: pair.accuracy });
+    const seconds = pair.cost[k][0] === null ? "" : `, ${nsbench.seconds(pair.cost[k][0])}`;
+    target.replaceChildren(`For an error of ${label} the cheapest is `, chip,
+      ` (${setting}${seconds}).`);
+  },
+
   table(k, rows, cases) {
     const several = cases.length > 1;
     const named = (pair) => (several ? nsbench.data.cases[pair.c].name : null);
@@ -187,7 +218,8 @@ const answer = {
           row.reached ? cell(row.timed ? `× ${nsbench.format(row.mean / least)}` : "not compared")
             : answer.missed(row.misses, k, named),
           reached,
-          cell(row.timed || !row.untimed ? `${row.cheapest}${tie}` : "not compared"),
+          cell(row.timed || row.cheapest || !row.untimed
+            ? `${row.cheapest}${tie}` : "not compared"),
           cell(row.timed ? `× ${nsbench.format(answer.median(row.factors))}`
             : row.reached ? "not compared" : "not reached"),
           cell(row.steps.length ? answer.setting(row) : "not reached"),
@@ -239,28 +271,34 @@ const answer = {
         const one = nsbench.data.cases[c];
         const link = nsbench.make("a", { href: `#${one.id}` }, one.name);
         const line = nsbench.make("tr", {}, nsbench.make("td", { class: "method" }, link));
-        const found = nsbench.data.pairs
-          .filter((pair) => pair.c === c && answer.timed(pair, k))
-          .sort((a, b) => a.cost[k][0] - b.cost[k][0]);
+        const chosen = one.best[k];
         const cell = (text) => nsbench.make("td", { class: "number" }, text);
-        if (!found.length) {
-          const known = nsbench.data.pairs.some((pair) => pair.c === c && pair.cost[k]);
-          const own = nsbench.data.pairs.filter((pair) => pair.c === c);
-          const cell = known ? nsbench.make("td", { class: "quiet" }, "only host loops reach it")
-            : answer.missed(own, k, (pair) => nsbench.data.methods[pair.m].name);
-          cell.setAttribute("colspan", "5");
-          line.append(cell);
+        const own = nsbench.data.pairs.filter((pair) => pair.c === c);
+        if (!chosen) {
+          const nearest = answer.missed(own, k, (pair) => nsbench.data.methods[pair.m].name);
+          nearest.setAttribute("colspan", "5");
+          line.append(nearest);
           return line;
         }
-        const [first, second] = found;
+        const first = own.find((pair) => pair.m === chosen[0]);
+        const trust = cell(first.reason ? `reaction: ${first.trust}` : first.trust);
+        trust.append(...(first.reason ? [nsbench.make("small", {}, first.reason)] : []));
+        line.append(nsbench.make("td", { class: "best" }, explore.chartLink(first.m, c)));
+        if (chosen[1]) {
+          line.append(nsbench.make("td", { class: "quiet", colspan: "3" }, chosen[1]), trust);
+          return line;
+        }
+        const compiled = answer.timed(first, k);
+        const factors = own.filter((pair) => pair !== first && compiled && answer.timed(pair, k))
+          .map((pair) => pair.cost[k][0] / compiled[0]);
         const bound = first.cost[k][4] ? "≤ " : "";
         const row = { steps: [first.cost[k][3]], accuracy: first.accuracy };
+        const known = first.cost[k][0] === null ? "not known" : nsbench.seconds(first.cost[k][0]);
         line.append(
-          nsbench.make("td", { class: "best" }, explore.chartLink(first.m, c)),
           cell(answer.setting(row)),
-          cell(`${bound}${nsbench.seconds(first.cost[k][0])}`),
-          cell(second ? `× ${nsbench.format(second.cost[k][0] / first.cost[k][0])}` : "none"),
-          cell(first.metric === "reaction" ? `reaction: ${first.trust}` : first.trust)
+          cell(`${bound}${known}${first.loop === "compiled" ? "" : " (host loop)"}`),
+          cell(factors.length ? `× ${nsbench.format(Math.min(...factors))}` : "none"),
+          trust
         );
         return line;
       })

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
+from nsbench.columns import ABSOLUTE
+from nsbench.report.answers.best_method import (
+    RULE,
+    Best,
+    best_of_page,
+    cheapest_extrapolated,
+    count_best,
+)
 from nsbench.report.cost import (
     TARGETS,
     Cost,
-    cheaper_extrapolated,
-    cheapest,
-    cheapest_extrapolated,
-    count_cheapest,
     extrapolate_cost,
     format_extrapolated,
     format_setting,
@@ -39,21 +43,23 @@ Summaries = dict[tuple[str, str], Summary]  # by case and method
 
 
 def ranking_table(data: Data, summaries: Summaries) -> Table:
-    """Build the table method x error: on how many cases it reaches the error and is the cheapest.
+    """Build the table method x error: on how many cases it reaches the error and is the best.
 
     Where it reaches it on none: how near it came, and the step it needs by extrapolation. Methods
     come by the number of cases on which they reach the smallest errors.
     """
-    ranked = {t: [rank_costs(data, case, t) for case in data.case_keys] for t in TARGETS}
+    best = {t: [best_of_page(data, summaries, c, t) for c in data.case_keys] for t in TARGETS}
+    ranked = {t: [b.reached for b in found] for t, found in best.items()}
     if not any(found for costs in ranked.values() for found in costs):
         return Table("ranking", (), ())
+    specs = {solver for _, solver in summaries}
     reached = {
         s: [sum(any(c.solver == s for c in found) for found in ranked[t]) for t in TARGETS]
-        for s in data.specs
+        for s in specs
     }
-    first = {t: count_cheapest(ranked[t]) for t in TARGETS}
+    first = {t: count_best(best[t]) for t in TARGETS}
     rows = []
-    for solver in sorted(data.specs, key=lambda s: (*(-n for n in reversed(reached[s])), s)):
+    for solver in sorted(specs, key=lambda s: (*(-n for n in reversed(reached[s])), s)):
         cells = [Cell(solver, kind="method")]
         tried = [s for (_, name), s in summaries.items() if name == solver]
         for target, n in zip(TARGETS, reached[solver], strict=True):
@@ -70,8 +76,7 @@ def ranking_table(data: Data, summaries: Summaries) -> Table:
         ("method", *(f"error {format_power(t)}" for t in TARGETS)),
         tuple(rows),
         f"Of {format_count(len(data.case_keys), 'case')}. A method that refuses a case does not "
-        "reach its error. Only compiled loops are compared in seconds. Best: the least error of a "
-        "finest run.",
+        f"reach its error. {RULE} Best so far: the least error of a finest run.",
     )
 
 
@@ -103,14 +108,12 @@ def choice_table(data: Data, summaries: Summaries) -> Table:
     for case in data.case_keys:
         cells = [Cell(case, kind="method")]
         for target in TARGETS:
-            found = rank_costs(data, case, target)
             blind = not any(
                 np.isfinite(r.col["state_sup"][r.good]).any() for r in data.of_case(case)
             )
-            own = (s for (c, _), s in summaries.items() if c == case)
-            further = None if blind else cheaper_extrapolated(own, found, target)
+            best = best_of_page(data, summaries, case, target)
             cells.append(
-                Cell("no error known", kind="quiet") if blind else _choice(found, target, further)
+                Cell("no error known", kind="quiet") if blind else _choice(best, target)
             )
         rows.append(Row(tuple(cells)))
     return Table(
@@ -119,37 +122,30 @@ def choice_table(data: Data, summaries: Summaries) -> Table:
         tuple(rows),
         "The cheapest method whose state error stays below the figure at all smaller steps, with "
         "the accuracy it needs, interpolated between its runs and rounded: on the safe side is the "
-        "next smaller step. Errors are the largest over all samples and coordinates. “Host loop”: "
-        "the seconds of that method measure the interpreter, and are fewer than those of all "
-        "compiled loops that reach the error. "
-        "“Extrapolated”: no run of that method reached the error; the step is where the lower "
-        "end of the fitted order gets there, in fewer seconds than any method took that did.",
+        f"next smaller step. Errors are {ABSOLUTE}, the largest over all samples and coordinates. "
+        f"{RULE} “Host loop”: the seconds of that method measure the interpreter. "
+        "“Extrapolated”: the step is where the lower end of the fitted order gets there.",
     )
 
 
-def _choice(found: list[Cost], target: float, further: Cost | None) -> Cell:
-    """The cheapest of the methods that reach `target`; the others in the title.
-
-    further: what would reach it in fewer seconds than any run that does, or where none does.
-    """
-    if further is not None:
-        reached = ", ".join(f"{c.solver} {format_seconds(c.seconds)}" for c in found)
-        title = f"Reached by: {reached}." if found else _missed(target)
-        return Cell(further.solver, format_extrapolated(further), title, "quiet")
-    if not found:
+def _choice(best: Best, target: float) -> Cell:
+    """The best method at `target`; the others in the title."""
+    if best.cost is None:
         return Cell("not reached", kind="quiet", title=_missed(target))
-    first = cheapest(found)
+    first = best.cost
+    if not best.reached:
+        return Cell(first.solver, format_extrapolated(first), _missed(target), "quiet")
     bound = "at most " if first.at_most else ""
     small = f"{bound}{format_seconds(first.seconds)}, {format_setting(first)}"
-    others = ", ".join(f"{c.solver} {format_seconds(c.seconds)}" for c in found if c is not first)
     if first.loop != "compiled":
         small += f", {first.loop or 'unmarked'} loop"
-    return Cell(
-        first.solver,
-        small,
-        f"Also reached by: {others}." if others else "No other method reached it.",
-        "best",
+    if best.further is not None:
+        small += f"; {best.further.solver} {format_extrapolated(best.further)}"
+    others = ", ".join(
+        f"{c.solver} {format_seconds(c.seconds)}" for c in best.reached if c is not first
     )
+    title = f"Also reached by: {others}." if others else "No other method reached it."
+    return Cell(first.solver, small, title, "best")
 
 
 def _missed(target: float) -> str:

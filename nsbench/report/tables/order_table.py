@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from nsbench.columns import ABSOLUTE, RELATIVE
 from nsbench.report.style import (
     format_number,
 )
@@ -39,8 +40,9 @@ def orders_table(summaries: dict[tuple[str, str], Summary]) -> Table:
         COLUMNS,
         tuple(rows),
         "Order p with its 95 % interval in error = C h^p, over the fit window; h is the step "
-        "taken, 1/k for a penalty. Where the multipliers are not unique the reaction, which is, "
-        "stands in for the impulse. ▲ or ▼: above or below the order the method claims.",
+        "taken, 1/k for a penalty. Where the multipliers are not unique, or nearly not, the "
+        "reaction, which is known, stands in for the impulse. ▲ or ▼: above or below the order "
+        f"the method claims. Errors are {ABSOLUTE}; bounds that are claimed are {RELATIVE}.",
     )
 
 
@@ -57,7 +59,7 @@ def _row(case: str, solver: str, s: Summary) -> Row:
     force = order_cell(s.force, s.runs.floor(s.force.metric))
     if s.force.metric == "reaction":
         small = f"{force.small} · reaction".strip(" ·")
-        force = Cell(force.text, small, force.title, force.kind)
+        force = Cell(force.text, small, f"{s.runs.why_reaction}. {force.title}", force.kind)
     cells = (
         name,
         order_cell(s.state, s.runs.floor(s.state.metric)),
