@@ -4,7 +4,9 @@ All are in the units of the case and computed from samples and impulses alone. I
 multipliers are impulse increments over the sample spacing D.
 
 feasibility      max over samples of max_k (-g_k)^+; LCS: of the interval means of -w, and at
-                 samples in rows without lam; Filippov, hybrid: none (NaN)
+                 samples in rows without lam; Filippov, hybrid: none (NaN). A method that keeps
+                 w >= 0 at the ends of its steps alone (theta = 1) shows O(h) there, less what the
+                 quadrature may be wrong by
 sign             least interval mean of a multiplier; Filippov: least of theta and 1 - theta;
                  hybrid: least part of an interval that is spent in a mode
 complementarity  largest over intervals of (gap at both ends)^+ x mean multiplier; Filippov:

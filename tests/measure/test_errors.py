@@ -389,3 +389,20 @@ def test_a_push_of_an_open_diode_is_no_complementarity(samples, D):
     )
     e = nsbench.errors(case, traj)
     assert e["complementarity"] > 1.0 and e["residual"] < 1e-12
+
+
+def test_theta_keeps_w_at_the_ends_of_steps_and_shows_a_violation_of_means_that_falls():
+    """A charged capacitor: w = C x + D lam + q is 0 at the end of each step in which lam acts."""
+    source = lambda xp: lambda t: -xp.sin(2 * xp.pi * t) * xp.ones(1)
+    system = LCS(A=[[-2.5]], B=[[5.0]], C=[[1.0]], D=[[0.5]], q=source)
+    seen = []
+    for steps in (40, 80, 160):
+        case = Case(name="c", problem=system, x0=np.zeros(1), t=np.linspace(0.0, 2.0, 41))
+        fine = case.replace(t=np.linspace(0.0, 2.0, steps + 1))
+        traj = nsbench.solve(fine, "theta", h=2.0 / steps)
+        lam = np.diff(traj.impulse[:, 0]) * steps / 2.0
+        w = traj.x[1:, 0] + 0.5 * lam - np.sin(2 * np.pi * fine.t[1:])
+        assert w.min() > -1e-14 and np.abs(w * lam).max() < 1e-13
+        found = nsbench.errors(case, nsbench.solve(case, "theta", h=2.0 / steps))
+        seen.append(found["feasibility"])
+    assert 0.0 < seen[2] < 0.7 * seen[1] < 0.7 * 0.7 * seen[0]
