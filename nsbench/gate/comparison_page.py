@@ -43,6 +43,7 @@ def comparison_section(versions: list[Version], differences: list[Difference]) -
     return StudySection(
         name="comparison",
         question=f"What changed from {old.name} to {new.name}?",
+        short="",
         answer=answer,
         evidence=tuple(_evidence(old, new, differences, seconds)),
         refutation="the same command on results that were computed anew.",

@@ -48,6 +48,10 @@ class SearchBudget:
         """Is a try of `value` expected to end within the budget?"""
         return not self.tries or self.spent + self._expected(self.tries, value) <= self.seconds
 
+    def has_left(self) -> bool:
+        """Is there as much left as was spent?"""
+        return 2.0 * self.spent <= self.seconds
+
     def expected_run(self, value: float) -> float:
         """Return the expected seconds of one run with `value`; NaN where none was timed."""
         return self._expected(self.runs, value) if self.runs else math.nan

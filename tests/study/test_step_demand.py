@@ -147,3 +147,18 @@ def test_a_run_that_is_timed_once_is_made_once(monkeypatch):
     monkeypatch.setattr(ScaledRun, "__call__", lambda run: calls.append(1) or plain(run))
     found = choose(case, "event_driven", Demand(1e-3))
     assert found.is_found and len(calls) == 1
+
+
+def test_what_the_first_try_alone_loads_does_not_end_a_search(monkeypatch):
+    """Of 60 s, 20 went by before the first run began."""
+    watched = "nsbench.measure.clock.watched"
+    plain = step_choice.search_budget.clock.watched
+    late = [20.0]
+
+    def wait_once(call):
+        out, seconds, compiling = plain(call)
+        return out, seconds + (late.pop() if late else 0.0), compiling
+
+    monkeypatch.setattr(watched, wait_once)
+    found = choose(get_case("dragged_disc"), "richardson", Demand(1e-5))
+    assert found.is_found and not late
