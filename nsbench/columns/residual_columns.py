@@ -14,8 +14,8 @@ RESIDUALS = (
         "number",
         "gap",
         "largest violation max(0, -g) over constraints and sample times; of a linear "
-        "complementarity system: of the means of w over sample intervals, beyond what their quadrature may be wrong "
-        "by (O(h) for multipliers that belong to the end of a step)",
+        "complementarity system: of the means of w over sample intervals, beyond what their "
+        "quadrature may be wrong by (O(h) for multipliers that belong to the end of a step)",
         "violation",
         gate="near",
         scale="state_scale",
