@@ -23,7 +23,8 @@ PLAIN = (ValueError, TypeError, LookupError)  # exceptions whose text is the who
 def nearest(word: str, words: Iterable[str]) -> str:
     """Suggest the closest of the words, or list them: the end of an error message."""
     words = sorted(words)
-    close = difflib.get_close_matches(word, words, 1, 0.5)
+    same = [w for w in words if w.casefold() == word.casefold()]
+    close = same or difflib.get_close_matches(word, words, 1, 0.5)
     if close:
         return f"did you mean {close[0]!r}?"
     if len(words) <= MAX_NAMES_IN_A_SENTENCE:

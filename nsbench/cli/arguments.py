@@ -8,10 +8,13 @@ alone.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
+from types import MappingProxyType
 
 import nsbench
 
 LIMIT = "limit of one run (default: 120 s); its preparation has 5 minutes more"
+FILE_OPTIONS = MappingProxyType({"--cases": "case", "--solvers": "solver"})
 ACCURACIES = {"h": "steps", "tol": "tolerances", "k": "stiffnesses"}
 SHELLS = ("bash", "zsh")
 
@@ -155,9 +158,11 @@ def _add_selection(verb: argparse.ArgumentParser) -> None:
     _add_files(verb)
 
 
-def _add_files(verb: argparse.ArgumentParser) -> None:
-    """Add the files of cases and solvers outside the package."""
-    for option, kind in (("--cases", "case"), ("--solvers", "solver")):
+def _add_files(
+    verb: argparse.ArgumentParser, options: Mapping[str, str] = FILE_OPTIONS
+) -> None:
+    """Add the files outside the package: options, with the kind of what the files hold."""
+    for option, kind in options.items():
         verb.add_argument(
             option,
             dest=f"{kind}_files",
@@ -232,6 +237,7 @@ def _add_step(verbs) -> None:
         metavar="SOLVER",
         help="methods to ask, such as pbd (default: all of the standard suite)",
     )
+    _add_files(verb, {"--solvers": "solver"})
     verb.add_argument(
         "--budget",
         type=float,

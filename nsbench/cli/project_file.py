@@ -32,7 +32,7 @@ MAX_BYTES = 1 << 20
 ENTRIES = {
     "cases": (list, {"run": "cases", "gate": "case_files", "calibrate": "case_files"}),
     "methods": (list, {"run": "solver"}),
-    "method_files": (list, dict.fromkeys(("run", "gate", "calibrate"), "solver_files")),
+    "method_files": (list, dict.fromkeys(("run", "step", "gate", "calibrate"), "solver_files")),
     "suite": (str, {"run": "suite"}),
     "out": (str, {"run": "out", "gate": "dir", "calibrate": "dir"}),
     "references": (str, {"run": "references", "calibrate": "references", "reference": "into"}),

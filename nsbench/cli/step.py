@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable
 
 from nsbench import solvers
 from nsbench.case import Case
+from nsbench.case.selection import python_files
 from nsbench.cli.exit_codes import FAILED, FINE
 from nsbench.cli.option_values import find_one_case
 from nsbench.compilation.announcement import announced_compilation, is_watched
@@ -28,9 +29,11 @@ def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
     from nsbench.study.step_choice import cheapest, choose, demand_of
 
     solvers.check_positive("--budget", args.budget)
+    added = [solvers.load(file) for path in args.solver_files for file in python_files(path)]
     case = find_one_case(args.case)
     demand = demand_of(case, args.error, args.overlap)
-    asked = args.solver or [s for s in solvers.standard() if not solvers.get(s).refuses(case)]
+    known = [*solvers.standard(), *added]
+    asked = args.solver or [s for s in known if not solvers.get(s).refuses(case)]
     choices = []
     specs = _specs(case, asked)
     bar = Progress(specs, 1, _say_on_stderr, is_watched(), f"up to {args.budget:g} s a method")

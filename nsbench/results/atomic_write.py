@@ -7,6 +7,7 @@ name may be lost with it.
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 from pathlib import Path
 
@@ -28,6 +29,8 @@ def replace(path: Path, data: bytes) -> None:
 
     Raises OSError; nothing is left then.
     """
+    if not path.parent.is_dir():
+        raise FileNotFoundError(errno.ENOENT, "there is no such folder", str(path.parent))
     temporary = path.with_name(f".{path.name[:40]}.{os.getpid()}")
     try:
         with open(temporary, "wb") as file:

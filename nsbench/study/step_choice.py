@@ -227,13 +227,12 @@ class _Search:
         )
 
     def _is_within_budget(self, value: float) -> bool:
-        """May `value` be tried? The first try can have loaded kernels and libraries, or waited for
-        another process that compiles: before it alone forbids a second one, it is timed again.
+        """May `value` be tried? The last try can have loaded kernels and libraries, or waited for
+        another process that compiles: before it forbids a further one, it is timed again.
         """
-        tries = self.budget.tries
-        if len(tries) == 1 and not self.budget.allows(value) and self.budget.has_left():
-            (first,) = tries
-            self.budget.time_try(first, lambda: self._tried(first))
+        if not self.budget.allows(value) and self.budget.has_left():
+            last = next(reversed(self.budget.tries))
+            self.budget.time_try(last, lambda: self._tried(last))
         return self.budget.allows(value)
 
     def _changed(self, value: float, change: float) -> float:

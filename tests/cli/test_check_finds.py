@@ -72,6 +72,7 @@ WRONG_METHODS = {
         "no state kept",
     ),
     "half of the drift": ("x + step * f", "x + 0.5 * step * f", "state: order 1 is claimed"),
+    "one per cent more drift": ("x + step * f", "x + 1.01 * step * f", "and level off"),
     "an order that is not there": ("state=1.0", "state=2.0", "order 2 is claimed.*of order 1"),
     "state that is kept": ("x = np.maximum(y, 0.0)", "memory[:] += 1e-3; x = np.maximum(y + memory, 0)", "called again"),
     "not a number": ("np.array(X), ", "np.array(X) * np.nan, ", "not finite"),

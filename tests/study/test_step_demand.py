@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from nsbench import Case, Complementarity, Distance, Filippov, errors, get_case, solve, solvers
+from nsbench.cli import main
 from nsbench.error_bars import Bars, ErrorBars
 from nsbench.solvers.scaled_run import ScaledRun
 from nsbench.study import step_choice
@@ -113,7 +114,10 @@ def test_an_overlap_is_seen_where_no_error_bar_can_be_had(monkeypatch):
 
 
 def test_a_search_ends_within_its_budget_and_says_what_it_would_take(monkeypatch):
-    """The first try takes 0.2 s, also again, so that the next one, 32 times as long, is too long."""
+    """The first try takes 0.2 s, also again, so that the next one, 32 times as long, is too long.
+
+    Its run is made twice in each.
+    """
     tried = []
 
     def timed(call):
@@ -123,17 +127,19 @@ def test_a_search_ends_within_its_budget_and_says_what_it_would_take(monkeypatch
     monkeypatch.setattr("nsbench.study.search_budget._timed", timed)
     found = choose(get_case("sliding"), "euler", Demand(1e-3), budget=1.0)
     assert not found.is_found and found.why.startswith("Not reached within 1 s (--budget): with h")
-    assert found.needs < 1e-3 and found.needs_seconds > 0.05 and len(tried) == 4
+    assert found.needs < 1e-3 and found.needs_seconds > 0.05 and len(tried) == 6
     enough = choose(get_case("sliding"), "euler", Demand(1e-3), budget=100.0)
     assert enough.is_found and 0.2 < found.needs / enough.accuracy < 5.0
 
 
 def test_seconds_of_a_try_are_those_of_the_steps_it_takes():
     budget = SearchBudget("h", 1.0)
-    budget.tries = {0.1: 1e-3, 0.01: 1e-3, 0.001: 1e-2}
+    assert math.isnan(budget.expected_run(1e-4))
+    budget.runs = {0.1: 1e-3, 0.01: 1e-3, 0.001: 1e-2}
+    budget.tries = {0.1: 5e-1, 0.001: 1e-2}  # of the first one nearly all was loading
     budget.spent = 0.012
     assert budget.allows(1.1e-5) and not budget.allows(0.9e-5)
-    assert math.isnan(budget.expected_run(1e-4))
+    assert budget.expected_run(1e-4) == pytest.approx(0.1)
     stiff = SearchBudget("k", 1.0, runs={100.0: 1e-3, 1e4: 1e-1})
     assert stiff.expected_run(1e6) == pytest.approx(10.0)
     assert SearchBudget("k", runs={100.0: 1e-3}).expected_run(1e4) == pytest.approx(1e-2)
@@ -149,16 +155,28 @@ def test_a_run_that_is_timed_once_is_made_once(monkeypatch):
     assert found.is_found and len(calls) == 1
 
 
-def test_what_the_first_try_alone_loads_does_not_end_a_search(monkeypatch):
-    """Of 60 s, 20 went by before the first run began."""
-    watched = "nsbench.measure.clock.watched"
-    plain = step_choice.search_budget.clock.watched
-    late = [20.0, 20.0]  # of the run, and of the try that it is part of
+def test_what_is_loaded_in_some_try_does_not_end_a_search(monkeypatch):
+    """Of 60 s, 20 go by in the runs of the first try, or of the second one, that load something."""
+    plain = step_choice.search_budget._timed
+    for late in (1, 3):
+        calls = []
 
-    def wait_once(call):
-        out, seconds, compiling = plain(call)
-        return out, seconds + (late.pop() if late else 0.0), compiling
+        def wait_once(call, late=late, calls=calls):
+            calls.append(call)
+            slow = 20.0 if len(calls) in (late, late + 1) else 0.0
+            out, seconds = plain(call)
+            return out, seconds + slow
 
-    monkeypatch.setattr(watched, wait_once)
-    found = choose(get_case("dragged_disc"), "richardson", Demand(1e-5))
-    assert found.is_found and not late
+        monkeypatch.setattr("nsbench.study.search_budget._timed", wait_once)
+        found = choose(get_case("dragged_disc"), "richardson", Demand(1e-5))
+        assert found.is_found and found.seconds < 1.0 and len(calls) > 4
+
+
+def test_step_asks_methods_of_a_file(tmp_path, capsys, monkeypatch):
+    """By option, and by nsbench.toml of the folder."""
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", "method", "mine", "--kind", "switch"]) == 0
+    for more in (["--solvers", "mine.py"], []):
+        assert main(["step", "slide_exit", "--error", "1e-2", "-s", "mine", *more]) == 0
+        assert "Take mine with h = " in capsys.readouterr().out
+        (tmp_path / "nsbench.toml").write_text('method_files = ["mine.py"]\n')

@@ -191,7 +191,8 @@ def _judge(steps, values, finest: dict, column: str, wanted) -> tuple[str, str]:
     text = f"of order {fit.order:.2f}" + UNLIKE_AN_ORDER.get(fit.verdict, "")
     low, high = fit.interval
     holds_claim = low <= wanted <= high <= low + WIDEST_INTERVAL
-    if holds_claim or max(fit.order, fit.line) > wanted - ORDER_TOLERANCE:
+    is_met = holds_claim or max(fit.order, fit.line) > wanted - ORDER_TOLERANCE
+    if is_met and fit.verdict not in UNLIKE_AN_ORDER:
         return text, ""
     few = f"{values[0]:.1e} ... {values[-1]:.1e}"
     return text, f"order {wanted:g} is claimed, the errors {few} are {text}"
