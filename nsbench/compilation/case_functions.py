@@ -23,11 +23,14 @@ class CaseFunction:
     """A function of a case in two forms, neither of them built yet.
 
     pointer() -> a function pointer, or factories.CompileError; in_python() -> a Python
-    function with the same arguments.
+    function with the same arguments. at(t, x) -> those at a state but for the array that it fills,
+    of `size` numbers; None: it cannot raise.
     """
 
     pointer: Callable[[], object]
     in_python: Callable[[], Callable]
+    at: Callable[[float, np.ndarray], tuple] | None = None
+    size: int = 0
 
 
 @dataclass(frozen=True)
@@ -54,14 +57,20 @@ def in_python(reason: str) -> dict:
 def drift_function(drift: Callable, n: int) -> CaseFunction:
     """Describe ``drift(xp) -> (t, x)`` as a function (t, x, out), x and out (n,)."""
     return CaseFunction(
-        lambda: factories.rhs_cfunc(drift, n), lambda: _filling(factories.as_numpy(drift))
+        lambda: factories.rhs_cfunc(drift, n),
+        lambda: _filling(factories.as_numpy(drift)),
+        lambda t, x: (t, x),
+        n,
     )
 
 
 def signed_field(field: Callable, n: int, d: int) -> CaseFunction:
     """Describe ``field(xp) -> (t, x, s)`` as a function (t, x, s, out), x and out (n,), s (d,)."""
     return CaseFunction(
-        lambda: factories.signed_rhs_cfunc(field, n, d), lambda: _filling(factories.as_numpy(field))
+        lambda: factories.signed_rhs_cfunc(field, n, d),
+        lambda: _filling(factories.as_numpy(field)),
+        lambda t, x: (t, x, np.ones(d)),
+        n,
     )
 
 
@@ -78,16 +87,37 @@ def curve_function(
     return CaseFunction(
         lambda: factories.curve_cfunc(curve, size),
         lambda: _filling(in_numpy or factories.as_numpy(curve)),
+        lambda t, x: (t,),
+        size,
     )
 
 
-def compile_functions(*functions: CaseFunction) -> LoopFunctions:
-    """Compile the functions, or build all of them in Python where numba cannot compile one."""
+def compile_functions(*functions: CaseFunction, start: tuple | None = None) -> LoopFunctions:
+    """Compile the functions, or build all of them in Python where numba cannot compile one.
+
+    start: time and state at which they are called once, so that one that is compiled but raises
+    counts as one that cannot be.
+    """
     try:
-        return LoopFunctions(tuple(f.pointer() for f in functions), "compiled", COMPILED)
+        pointers = tuple(f.pointer() for f in functions)
+        if start is not None:
+            _call_once(functions, pointers, float(start[0]), np.ascontiguousarray(start[1]))
+        return LoopFunctions(pointers, "compiled", COMPILED)
     except factories.CompileError as e:
         stats = in_python(f"numba cannot compile the functions of the case ({e})")
         return LoopFunctions(tuple(f.in_python() for f in functions), "host", stats)
+
+
+def _call_once(functions, pointers, t, x):
+    """Raise CompileError if a compiled function raises at (t, x), and not in Python."""
+    from nsbench.compilation.first_call import error_in_compiled_code
+
+    for function, pointer in zip(functions, pointers, strict=True):
+        if function.at is not None:
+            args = function.at(t, x)
+            why = error_in_compiled_code(pointer, function.in_python(), args, function.size)
+            if why:
+                raise factories.CompileError(why)
 
 
 def _filling(function: Callable) -> Callable:

@@ -186,6 +186,7 @@ def _compiled(case, scene, g, x0, reach):
         drift_function(case.problem.drift, case.n),
         curve_function(scene.b_factory, scene.inv2.size, scene.b),
         curve_function(scene.anchor_factory, anchors.size, scene.anchors),
+        start=(t0, x0),
     )
     hard = hard_particles(scene)
     args = (

@@ -223,7 +223,8 @@ def _loop_functions(case):
         field = p.field
         switch = p.switch
         d = len(as_numpy(p.switch)(float(case.t[0]), case.x0.copy()))
-    return compile_functions(signed_field(field, case.n, d), drift_function(switch, case.n)), d
+    functions = signed_field(field, case.n, d), drift_function(switch, case.n)
+    return compile_functions(*functions, start=(case.t[0], case.x0)), d
 
 
 @functools.lru_cache(maxsize=256)

@@ -165,7 +165,7 @@ class PBD(StepOrTolerance):
         from nsbench.solvers.pbd.kernels import cell_loop
         from nsbench.solvers.pbd.kernels.cell_storage import candidate_arrays
 
-        functions = compile_functions(*_drift_and_walls(case, scene))
+        functions = compile_functions(*_drift_and_walls(case, scene), start=(case.t[0], x0))
         data, m = self._cell_scene(case, scene, x0, record)
         head = (*functions.functions, g.t, g.substeps, self.sweeps, x0)
         head = (*head, self.reach * mean_radius(scene), data)
@@ -218,7 +218,9 @@ class PBD(StepOrTolerance):
         from nsbench.solvers.common.hard_particles import hard_particles, mean_radius
 
         t0 = float(case.t[0])
-        functions = compile_functions(*_drift_and_walls(case, scene), _anchors(scene))
+        functions = compile_functions(
+            *_drift_and_walls(case, scene), _anchors(scene), start=(t0, x0)
+        )
         rows = AffineRows(scene.ptr, scene.cols, scene.vals, scene.inv2)
         head = (*functions.functions, scene.moving, g.t, g.substeps, self.sweeps, x0)
         walls = (rows, scene.b(t0), scene.anchors(t0))

@@ -187,7 +187,9 @@ def _loop_functions(case, data):
     )
 
     return compile_functions(
-        drift_function(data["f"], case.n), curve_function(data["q"], len(data["q0"]))
+        drift_function(data["f"], case.n),
+        curve_function(data["q"], len(data["q0"])),
+        start=(case.t[0], case.x0),
     )
 
 
