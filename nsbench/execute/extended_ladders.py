@@ -13,7 +13,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from nsbench.report.cost import cost_at_error, extrapolate_cost
+from nsbench.report.cost import cost_at_error, expect_cost
 from nsbench.report.data import build, columns_of
 from nsbench.report.style import join_names
 from nsbench.report.summary import Summary, summarise
@@ -51,7 +51,7 @@ def describe_unreached(rows: Iterable[dict], target: float, budget: float) -> li
         known = np.isfinite(summary.runs.col["state_sup"][summary.runs.good]).any()
         if not known or cost_at_error(summary.runs, target) is not None:
             continue
-        is_clear = extrapolate_cost(summary, target) is not None
+        is_clear = expect_cost(summary, target) is not None
         why = (
             f"in {ROUNDS} rounds and {budget:g} s of a method on a case (--budget)"
             if is_clear
@@ -65,7 +65,7 @@ def describe_unreached(rows: Iterable[dict], target: float, budget: float) -> li
 
 
 def _of_pair(specs: list[Spec], summary: Summary, target: float, budget: float) -> list[Spec]:
-    cost = extrapolate_cost(summary, target)
+    cost = expect_cost(summary, target)
     if cost is None:
         return []
     runs = summary.runs

@@ -26,6 +26,7 @@ from nsbench.execute.forecast import work
 from nsbench.execute.notes import dump, write_notes
 from nsbench.execute.progress import EXPECTED_STATUSES, Progress
 from nsbench.execute.workers.pool import Chore, run_all
+from nsbench import reference
 from nsbench.reference import build_missing, is_missing, lookup, store_reason, why_missing
 from nsbench.report.data import read
 from nsbench.report.overview import format_overview
@@ -143,7 +144,9 @@ def build_references(sources: set[tuple[str, str, str]], args, say) -> None:
     if args.plan:
         say(f"first the references of {names} would be built; until then their errors are unknown")
         return
-    say(f"building the references of {names}: two integrators and a witness, or a proof")
+    ways = {source[0]: reference.describe_attempt(resolve(*source)) for source in missing}
+    for way in dict.fromkeys(ways.values()):
+        say(f"building the references of {', '.join(k for k in ways if ways[k] == way)}: {way}")
     start = time.perf_counter()
     chores = [Chore(_build_reference, source) for source in missing]
     jobs = dry_run.worker_count(args) if args.dask is None else 1

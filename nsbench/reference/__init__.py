@@ -1,12 +1,12 @@
 """References: the known solution of a case, with a bound of its own error.
 
 A closed form where the case has one, else a stored one: certified (proven in ball arithmetic) or
-two runs of different integrators that agree, with a witness.
+two runs of different integrators that agree, with a witness where one takes the case.
 """
 
 from __future__ import annotations
 
-from nsbench.reference.build import build, verify
+from nsbench.reference.build import build, describe_attempt, verify
 from nsbench.reference.comparison import bounded_by
 from nsbench.reference.lookup import reference
 from nsbench.reference.missing import build_missing, is_missing, store_reason, why_missing
@@ -30,6 +30,7 @@ __all__ = [
     "canonical",
     "closed_form",
     "columns_of",
+    "describe_attempt",
     "files_of",
     "is_missing",
     "listed_contacts",

@@ -1,6 +1,7 @@
 """Build and verify stored references: certified for small scenes, else two runs and a witness.
 
-A reference without certificate is that of two integrators that agree, and a witness.
+A reference without certificate is that of two integrators that agree, and a witness where one of
+another kind takes the case.
 """
 
 from __future__ import annotations
@@ -231,15 +232,26 @@ def _run(case, spec, accuracy) -> Trajectory:
     return traj
 
 
+def choose_witness(case: Case, spec: str | None = "auto") -> str | None:
+    """Choose the witness of a case; None where that method refuses it, or takes no step."""
+    if spec == "auto":
+        p = case.problem
+        spec = "pbd" if isinstance(p, Complementarity) and p.constraints else "euler"
+    takes = spec and solvers.get(spec).accuracy == "h" and not solvers.get(spec).refuses(case)
+    return spec if takes else None
+
+
+def describe_attempt(case: Case) -> str:
+    """Say what a reference is made of: ``a proof, or two integrators and a witness (pbd)``."""
+    witness = choose_witness(case)
+    runs = f"two integrators{f' and a witness ({witness})' if witness else ', without a witness'}"
+    return runs if certificate.why_not(case) else f"a proof, or {runs}"
+
+
 def _witness(case, ref, spec, scale) -> str:
     """Check that a method of another kind comes closer to the reference with smaller steps."""
-    if spec == "auto":
-        spec = (
-            "pbd"
-            if isinstance(case.problem, Complementarity) and case.problem.constraints
-            else "euler"
-        )
-    if spec is None or solvers.get(spec).accuracy != "h" or solvers.get(spec).refuses(case):
+    spec = choose_witness(case, spec)
+    if spec is None:
         return ""
     spacing = float(np.diff(case.t).min())
     witness = WITNESS_OF_TRANSITIONS if isinstance(case.problem, Hybrid) else WITNESS

@@ -217,7 +217,7 @@ def assemble_content(
     factors = tuple(cost.compare_speeds(data)) or (
         "No two methods reached the same error with loops of one kind.",
     )
-    with_pbd = any(method_of(solver) == LEADING_METHOD for _, solver in s)
+    with_pbd = any(pushes_contacts(data, one) for one in s.values())
     notes = {case: write_case_notes(data, case, s) for case in data.case_keys}
     return Content(
         title="nsbench report",
@@ -243,6 +243,12 @@ def assemble_content(
         citation=citation(data.env, data.specs),
         studies=studies,
     )
+
+
+def pushes_contacts(data: Data, summary: Summary) -> bool:
+    """Did PBD give numbers on a case with constraints? True where nothing is stored of the case."""
+    families = data.cases.get(summary.case, {}).get("families", True)
+    return method_of(summary.solver) == LEADING_METHOD and summary.word == "ok" and bool(families)
 
 
 def _where(env: dict) -> list[str]:

@@ -30,6 +30,7 @@ from nsbench.report.style import (
 from nsbench.report.summary import Summary
 
 TARGETS = (1e-2, 1e-3, 1e-4, 1e-6)  # state errors at which methods are compared
+CERTAIN = "order"  # verdict of a fit: of all others the order is shown, but tells no step
 MOST_WIDTH = 0.2  # of an order: a wider interval tells no step
 LEAST_ORDER = 0.1  # errors that hardly fall with h, or not at all, tell no step either
 LEAST_RELATIVE = 1e-12  # of the size of a quantity: errors below it are not extrapolated to
@@ -177,13 +178,21 @@ def least_error(runs: Runs, metric: str = "state_sup") -> float:
 
 
 def extrapolate_cost(summary: Summary, target: float) -> Cost | None:
-    """Extrapolate the cost of an error that the ladder of steps does not reach.
+    """Extrapolate the cost of an error that the ladder of steps does not reach, as expect_cost.
+
+    None as well where the fit has no verdict: whatever names a step to a reader goes through here.
+    """
+    return expect_cost(summary, target) if summary.state.verdict == CERTAIN else None
+
+
+def expect_cost(summary: Summary, target: float) -> Cost | None:
+    """Expect the cost of an error by an order that may have no verdict, for runs that try it.
 
     With an order p of a narrow interval [a, b], and the finest step h, the step
     h (target / e)^(1/a) reaches it: at the lower end, since a step by p itself misses the error in
     every second case. e is the largest error of the fine end, carried to h by p, since errors may
     turn with the phase of the step. Seconds go on as a power of the step, as over the finer
-    half of the runs. None where a run reaches the error, no order is certain, or the error is below
+    half of the runs. None where a run reaches the error, no order is narrow, or the error is below
     the reference's floor or what rounding allows.
     """
     runs = summary.runs
@@ -191,8 +200,8 @@ def extrapolate_cost(summary: Summary, target: float) -> Cost | None:
     if order.kind != "fit" or order.verdict in ("plateau", "diverges"):
         return None
     low, high = order.interval
-    is_certain = order.order >= LEAST_ORDER and high - low <= MOST_WIDTH * order.order
-    if not is_certain or runs.accuracy == "tol" or cost_at_error(runs, target) is not None:
+    is_narrow = order.order >= LEAST_ORDER and high - low <= MOST_WIDTH * order.order
+    if not is_narrow or runs.accuracy == "tol" or cost_at_error(runs, target) is not None:
         return None
     if target <= max(runs.floor(order.metric), LEAST_RELATIVE * runs.scale(order.metric)):
         return None
@@ -230,7 +239,8 @@ def _exponent(h: np.ndarray, values: np.ndarray) -> float:
 
 def format_extrapolated(cost: Cost) -> str:
     """Say which step an error needs: ``needs h = 6e-5, about 55 ms (extrapolated)``."""
-    return f"needs {format_setting(cost)}, about {format_seconds(cost.seconds)} (extrapolated)"
+    words = "host loop, extrapolated" if cost.loop == "host" else "extrapolated"
+    return f"needs {format_setting(cost)}, about {format_seconds(cost.seconds)} ({words})"
 
 
 def _between(a: float, b: float, share: float) -> float:

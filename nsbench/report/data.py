@@ -118,7 +118,7 @@ class Data:
     """The rows of a study by (case, solver), in the order of the page.
 
     cases, solvers, env, extra: as stored. pictures: SVG by case. players: frames by case. missing:
-    what a study that was interrupted lacks, in words; else "".
+    what a study that was interrupted lacks, in words, and lacking: the count alone; else "".
     """
 
     runs: dict
@@ -129,6 +129,7 @@ class Data:
     pictures: dict
     players: dict = field(default_factory=dict)
     missing: str = ""
+    lacking: str = ""
 
     @property
     def case_keys(self) -> list[str]:
@@ -180,11 +181,12 @@ def read_unfinished(folder: Path) -> Data:
     argv = data.env.get("argv")
     command = shlex.join(map(str, argv)) if isinstance(argv, list) and argv else "run"
     count = f"{planned - len(rows)} of {planned}" if planned else "an unknown number of"
+    lacking = f"{count} planned runs are missing"
     missing = (
-        f"{count} planned runs are missing, because the last study here is going on or was "
+        f"{lacking}, because the last study here is going on or was "
         f"interrupted; the same command goes on with them: nsbench {sanitise(command)}"
     )
-    return replace(data, missing=missing)
+    return replace(data, missing=missing, lacking="" if planned == len(rows) else lacking)
 
 
 def _journalled(folder: Path) -> tuple[list[dict], int]:

@@ -14,26 +14,24 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from nsbench.measure.compared_multiplier import NEARLY
-from nsbench.report.answers.best_method import best_at
+from nsbench.report.answers.best_method import TARGET, best_at
+from nsbench.report.answers.multipliers import NOT_KNOWN, tell_least_error, tell_order
 from nsbench.report.cost import format_setting
 from nsbench.report.data import Data, Runs
-from nsbench.report.style import format_count, format_seconds
+from nsbench.report.style import format_count, format_timing
 from nsbench.report.summary import (
     Order,
     Summary,
     estimate_order,
-    format_error,
     rounding_span,
     stored_claims,
     summarise,
 )
 from nsbench.trajectory import NO_FAILURE
 
-TARGET = 1e-3  # state error that the best method reaches
 MAX_LINES = 10
 COUNTS = ("refused", "unverified", "failed")
 HEAD = ("case", f"best at {TARGET:g}", "seconds", "order", "multipliers", *COUNTS)
-NOT_KNOWN = "not known"
 NOT_REACHED = "not reached"
 
 
@@ -41,8 +39,9 @@ NOT_REACHED = "not reached"
 class Line:
     """One case: its best method with setting, seconds, order and error of the multipliers.
 
-    seconds: NaN where no method is best. refused, unverified, failed: numbers of methods that
-    refuse the case, of runs whose error is not certain, and of runs that ended with a failure.
+    seconds: NaN where no method is best; loop: that in which they were taken. refused, unverified,
+    failed: numbers of methods that refuse the case, of runs whose error is not certain, and of runs
+    that ended with a failure.
     why_reaction: why the multipliers are judged by the reaction, "" where they are not.
     """
 
@@ -56,11 +55,12 @@ class Line:
     unverified: int
     failed: int
     why_reaction: str = ""
+    loop: str = ""
 
     def cells(self) -> tuple[str, ...]:
         """Return the cells of the table."""
         best = f"{self.best} ({self.setting})" if self.setting else self.best
-        seconds = format_seconds(self.seconds) if self.seconds > 0 else "-"
+        seconds = format_timing(self.seconds, self.loop) if self.seconds > 0 else "-"
         counts = (str(getattr(self, name)) for name in COUNTS)
         return (self.case, best, seconds, self.order, self.multipliers, *counts)
 
@@ -87,13 +87,14 @@ def _line(data: Data, case: str) -> Line:
     chosen = next(r for r in runs if r.solver == best.cost.solver)
     force = "reaction" if why else "impulse"
     setting = format_setting(best.cost)
-    multipliers = _multipliers(chosen, force)
+    multipliers = tell_least_error(chosen, force)
     if best.cost.is_extrapolated:
         setting += ", extrapolated"
-        multipliers = _multiplier_order(data, chosen, force)
+        multipliers = tell_order(_order(data, chosen, force))
     order = _order(data, chosen, "state_sup").text
+    cost = best.cost
     return Line(
-        case, best.cost.solver, setting, best.cost.seconds, order, multipliers, *counts, why
+        case, cost.solver, setting, cost.seconds, order, multipliers, *counts, why, cost.loop
     )
 
 
@@ -115,25 +116,6 @@ def _order(data: Data, runs: Runs, metric: str) -> Order:
 
     fit = functools.partial(fit_order, span=rounding_span(data, runs.case, runs.solver))
     return estimate_order(runs, metric, stored_claims(data, runs.solver), fit)
-
-
-def _multiplier_order(data: Data, runs: Runs, force: str) -> str:
-    """Return the order of the multipliers: no run shows the error that an extrapolated one has."""
-    order = _order(data, runs, force)
-    words = f"order {order.text}" if order.kind == "fit" else order.text
-    return f"{'reaction ' if force == 'reaction' else ''}{words}"
-
-
-def _multipliers(runs: Runs, force: str) -> str:
-    """Return the smallest error of the impulses; of the reaction where that is compared or known
-    alone."""
-    for name in dict.fromkeys((force, "reaction")):
-        values = runs.col[name][runs.good]
-        known = values[np.isfinite(values)]
-        if known.size:
-            word = "" if name == "impulse" else "reaction "
-            return f"{word}to {format_error(float(known.min()), runs.floor(name))}"
-    return NOT_KNOWN
 
 
 def format_overview(data: Data) -> list[str]:

@@ -119,9 +119,12 @@ def _curve(pen: Pen, log_ratios: np.ndarray, cases: int, look: Look) -> str:
 
 
 def describe_profiles(data: Data) -> list[str]:
-    """Write a sentence per target: the methods fastest most often, and the one near most often."""
-    out = []
-    for target in cost.TARGETS:
+    """Write a sentence per target: the methods fastest most often, and the one near most often.
+
+    Of one case, nothing.
+    """
+    out: list[str] = []
+    for target in cost.TARGETS if len(data.case_keys) > 1 else ():
         found = time_ratios(data, target)
         if not found:
             continue

@@ -244,10 +244,11 @@ def _cheapest(found: list[Cost]) -> Cell:
 def describe_wins(data: Data) -> list[str]:
     """Count for each error the cases on which PBD is the cheapest compiled method, or is not.
 
-    Of a study without it, nothing.
+    Of a study without it, or of one case, nothing.
     """
     out: list[str] = []
-    if not any(method_of(solver) == LEADING_METHOD for solver in data.specs):
+    with_pbd = any(method_of(solver) == LEADING_METHOD for solver in data.specs)
+    if len(data.case_keys) < 2 or not with_pbd:
         return out
     for target in TARGETS:
         won = []

@@ -135,7 +135,7 @@ def cite_studies(
 ) -> tuple[Statement, ...]:
     """Add what studies found to the statements on multipliers and on failures.
 
-    with_pbd: PBD is one of the methods of the report.
+    with_pbd: PBD gave numbers on contacts.
     """
     added = {
         MULTIPLIERS: [_say_settling(studies)] if with_pbd else [],

@@ -160,6 +160,11 @@ def format_seconds(value: float | None) -> str:
     return f"{format_number(value / scale)} {unit}"
 
 
+def format_timing(seconds: float, loop: str) -> str:
+    """Format a duration, and say where a loop in Python took it: ``89 ms (host loop)``."""
+    return f"{format_seconds(seconds)}{' (host loop)' if loop == 'host' else ''}"
+
+
 def format_factor(value: float) -> str:
     """Format a ratio with two digits, without false precision: 0.38, 4.1, 130."""
     return format_number(value) if value < 100 else f"{float(f'{value:.2g}'):.0f}"

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from nsbench.columns import RELATIVE
 from nsbench.report import cost
-from nsbench.report.answers.choices import write_choices
+from nsbench.report.answers.choices import say_lacking, write_choices
 from nsbench.report.answers.grouping import (
     LEVELS,
     Summaries,
@@ -48,28 +48,37 @@ class Statement:
 
 
 def write_verdict(data: Data, summaries: Summaries) -> list[Statement]:
-    """Write what a reader in a hurry needs; at least one statement, also when nothing ran."""
+    """Write what a reader in a hurry needs; at least one statement, also when nothing ran.
+
+    While runs are missing, only what no further run can change: what went wrong.
+    """
+    if data.lacking:
+        parts = [Statement("Not finished", (say_lacking(data),), "bad")]
+        return [*parts, *_wrong(summaries), _ended(summaries)]
     if not any(s.word == "ok" for s in summaries.values()):
         return [Statement("No run gave a number", (_runs(summaries), *_failed(summaries)), "bad")]
     parts = [
         Statement("Which method", tuple(write_choices(data, summaries))),
         Statement("Which orders", tuple(_orders(data, summaries))),
-        Statement(MULTIPLIERS, tuple(judge_multipliers(summaries))),
+        Statement(MULTIPLIERS, tuple(judge_multipliers(data, summaries))),
         Statement("Which step", tuple(_violations(data, summaries))),
         Statement("At equal error", tuple(cost.compare_speeds(data))),
     ]
     parts += _unexpected(judge_expectations(data, summaries))
-    wrong = find_silent_failures(summaries)
-    if wrong:
-        parts.append(
-            Statement(
-                "Wrong without a word",
-                tuple(f"{s.solver} on {s.case}, called ok: {s.state.sentence}" for s in wrong),
-                "bad",
-            )
-        )
-    parts.append(Statement(FAILED, (_runs(summaries), *_failed(summaries))))
+    parts += [*_wrong(summaries), _ended(summaries)]
     return [p for p in parts if p.sentences]
+
+
+def _wrong(summaries: Summaries) -> list[Statement]:
+    """State which methods called a run ok that breaks the bound they claim."""
+    found = find_silent_failures(summaries)
+    said = tuple(f"{s.solver} on {s.case}, called ok: {s.state.sentence}" for s in found)
+    return [Statement("Wrong without a word", said, "bad")] if said else []
+
+
+def _ended(summaries: Summaries) -> Statement:
+    """State how the runs ended."""
+    return Statement(FAILED, (_runs(summaries), *_failed(summaries)))
 
 
 def _unexpected(found) -> list[Statement]:

@@ -10,6 +10,7 @@ from nsbench.report.cost import Cost, extrapolate_cost, rank_costs
 from nsbench.report.data import Data
 from nsbench.report.summary import Summary
 
+TARGET = 1e-3  # state error at which a method is advised
 RULE = (
     "The best method at an error is, of those whose runs reach it, the one with the fewest "
     "seconds; a host loop only where it takes fewer than every compiled loop, or where no compiled "

@@ -18,10 +18,17 @@ from nsbench.report.style import format_count, format_power, format_seconds, joi
 def write_headline(data: Data, summaries: Summaries) -> str:
     """Write the answer in a sentence: which methods are the best at the second of the targets.
 
-    Where no error is known, the sentence says so.
+    Where no error is known, or runs are missing, the sentence says so.
     """
+    if data.lacking:
+        return say_lacking(data)
     found = list(write_choices(data, summaries))
     return found[min(1, len(found) - 1)] if found else "No run gave an error to compare."
+
+
+def say_lacking(data: Data) -> str:
+    """Say how many runs are missing: the next of them may reach an error that none has reached."""
+    return f"{data.lacking[0].upper()}{data.lacking[1:]}: no verdict is given yet."
 
 
 def write_choices(data: Data, summaries: Summaries) -> Iterator[str]:
@@ -47,6 +54,7 @@ def _one(best: Best) -> str:
         needs = cost.format_extrapolated(best.cost)
         return f"reached by no run; best by its order is {best.cost.solver}, which {needs}"
     setting = f"{cost.format_setting(best.cost)}, {format_seconds(best.cost.seconds)}"
+    setting += ", host loop" if best.cost.loop == "host" else ""
     tail = ""
     if best.further is not None:
         needs = cost.format_extrapolated(best.further)

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from nsbench.measure.compared_multiplier import NOT_UNIQUE
+from nsbench.report.answers.best_method import TARGET, best_of_page
 from nsbench.report.answers.grouping import (
     LEVELS,
     Summaries,
@@ -14,12 +17,22 @@ from nsbench.report.answers.grouping import (
     spread,
     without_verdict,
 )
-from nsbench.report.style import format_count, join_names
-from nsbench.report.summary import Order
+from nsbench.report.cost import format_setting
+from nsbench.report.data import Data, Runs
+from nsbench.report.style import format_count, format_power, join_names
+from nsbench.report.summary import Order, format_error
+
+FEW = 3  # cases whose best method has a sentence of its own
+NOT_KNOWN = "not known"
 
 
-def judge_multipliers(summaries: Summaries) -> Iterator[str]:
-    """Report which multipliers converge, are exact, level off, or are not unique."""
+def judge_multipliers(data: Data, summaries: Summaries) -> Iterator[str]:
+    """Report which multipliers converge, are exact, level off, or are not unique.
+
+    Of few cases, what those of the best method are worth comes first.
+    """
+    if len(data.case_keys) <= FEW:
+        yield from _of_best(data, summaries)
     solvers = by_solver(summaries)
     pairs = [(s, s.force) for s in summaries.values() if s.word == "ok"]
     for metric in ("impulse", "reaction"):
@@ -50,6 +63,48 @@ def judge_multipliers(summaries: Summaries) -> Iterator[str]:
         )
     yield from without_verdict(pairs)
     yield from _compared_by_reaction(summaries)
+
+
+def _of_best(data: Data, summaries: Summaries) -> Iterator[str]:
+    """Say of each case what the multipliers of its best method at TARGET are worth."""
+    several = len(data.case_keys) > 1
+    for case in data.case_keys:
+        best = best_of_page(data, summaries, case, TARGET).cost
+        if best is None:
+            continue
+        chosen = summaries[case, best.solver]
+        worth = tell_least_error(chosen.runs, chosen.force.metric)
+        why = "" if worth == NOT_KNOWN else " (the least error of its runs)"
+        setting = format_setting(best)
+        if best.is_extrapolated:
+            worth = tell_order(chosen.force)
+            why = " (no run has that step)"
+            setting += ", extrapolated"
+        yield (
+            f"Best at a state error of {format_power(TARGET)}{f' on {case}' if several else ''}: "
+            f"{best.solver} ({setting}); its multipliers: {worth}{why}."
+        )
+
+
+def tell_least_error(runs: Runs, force: str) -> str:
+    """Return the smallest error of the impulses; of the reaction where that is compared or known
+    alone.
+
+    force: impulse or reaction, whichever is compared.
+    """
+    for name in dict.fromkeys((force, "reaction")):
+        values = runs.col[name][runs.good]
+        known = values[np.isfinite(values)]
+        if known.size:
+            word = "" if name == "impulse" else "reaction "
+            return f"{word}to {format_error(float(known.min()), runs.floor(name))}"
+    return NOT_KNOWN
+
+
+def tell_order(order: Order) -> str:
+    """Return the order of the multipliers: no run shows the error that an extrapolated one has."""
+    words = f"order {order.text}" if order.kind == "fit" else order.text
+    return f"{'reaction ' if order.metric == 'reaction' else ''}{words}"
 
 
 def _compared_by_reaction(summaries: Summaries) -> Iterator[str]:

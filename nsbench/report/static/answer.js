@@ -194,7 +194,8 @@ const answer = {
     }
     const pair = nsbench.data.pairs.find((one) => one.c === c && one.m === best[0]);
     const setting = answer.setting({ steps: [pair.cost[k][3]], accuracy: pair.accuracy });
-    const seconds = pair.cost[k][0] === null ? "" : `, ${nsbench.seconds(pair.cost[k][0])}`;
+    const hosted = pair.loop === "host" ? ", host loop" : "";
+    const seconds = pair.cost[k][0] === null ? "" : `, ${nsbench.seconds(pair.cost[k][0])}${hosted}`;
     target.replaceChildren(`For an error of ${label} the cheapest is `, chip,
       ` (${setting}${seconds}).`);
   },
@@ -246,7 +247,8 @@ const answer = {
     if (found) {
       const [step, seconds] = found.needs[k];
       const setting = answer.setting({ steps: [step], accuracy: found.accuracy });
-      const words = `needs ${setting}, about ${nsbench.seconds(seconds)} (extrapolated)`;
+      const kind = found.loop === "host" ? "host loop, extrapolated" : "extrapolated";
+      const words = `needs ${setting}, about ${nsbench.seconds(seconds)} (${kind})`;
       cell.append(nsbench.make("small", {}, ...answer.unbroken(words + name(found))));
     }
     return cell;

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 
@@ -33,7 +34,12 @@ RELIANCE = {
     "closed form": "A closed form, whose bound counts roundings and is not proven.",
     "none": "Nothing to rely on: no error is known.",
 }
+CERTIFIED = "certified bound"
+PROVEN = (
+    " Certified: integrated once more in 30 digits with its inequalities proved along every arc."
+)
 WITNESS = "; a witness, another method, comes closer with smaller steps"
+CLOSER = re.compile(r"; \S+ comes from \S+ to \S+ when")  # what a witness alone has beside it
 UNPROVEN = ", but for what is called not proven beside it"
 
 
@@ -133,6 +139,7 @@ def references_table(data: Data, summaries: dict[tuple, Summary]) -> Table:
     """
     rows = []
     reasons = explain_reactions(summaries)
+    is_certified = False
     for case in data.case_keys:
         stored = data.cases.get(case, {})
         certificate = (
@@ -140,6 +147,8 @@ def references_table(data: Data, summaries: dict[tuple, Summary]) -> Table:
         )
         kind = sanitise(stored.get("reference") or "none", 200)
         how = sanitise(certificate.get("how") or ORIGIN_OF_REFERENCE.get(kind, "not told"), 400)
+        reliance = describe_reliance(kind, how)
+        is_certified |= CERTIFIED in reliance
         figures = [
             Cell("not unique", kind="quiet")
             if k == "impulse" and reasons.get(case) == NOT_UNIQUE
@@ -156,7 +165,7 @@ def references_table(data: Data, summaries: dict[tuple, Summary]) -> Table:
                     Cell(case, kind="method"),
                     Cell(kind),
                     *figures,
-                    Cell(describe_reliance(kind, how)),
+                    Cell(reliance),
                     Cell(how),
                 ),
                 anchor=case,
@@ -176,8 +185,7 @@ def references_table(data: Data, summaries: dict[tuple, Summary]) -> Table:
         ),
         tuple(rows),
         "Bounds of the reference's own error (largest absolute value). No error below ten times "
-        "its bound is shown as a number. Certified: integrated once more in 30 digits with its "
-        "inequalities proved along every arc.",
+        f"its bound is shown as a number.{PROVEN if is_certified else ''}",
     )
 
 
@@ -213,7 +221,7 @@ def describe_reliance(kind: str, how: str) -> str:
         return RELIANCE["none"] if kind.startswith("unusable") else "Its origin is not told."
     return RELIANCE[kind].format(
         exception=UNPROVEN if "not proven" in how else "",
-        witness=WITNESS if " comes from " in how else "",
+        witness=WITNESS if CLOSER.search(how) else "",
     )
 
 
