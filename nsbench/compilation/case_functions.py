@@ -101,7 +101,7 @@ def compile_functions(*functions: CaseFunction, start: tuple | None = None) -> L
     try:
         pointers = tuple(f.pointer() for f in functions)
         if start is not None:
-            _call_once(functions, pointers, float(start[0]), np.ascontiguousarray(start[1]))
+            _call_once(functions, pointers, float(start[0]), np.array(start[1]))
         return LoopFunctions(pointers, "compiled", COMPILED)
     except factories.CompileError as e:
         stats = in_python(f"numba cannot compile the functions of the case ({e})")
