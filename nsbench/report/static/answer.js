@@ -195,7 +195,8 @@ const answer = {
     const pair = nsbench.data.pairs.find((one) => one.c === c && one.m === best[0]);
     const setting = answer.setting({ steps: [pair.cost[k][3]], accuracy: pair.accuracy });
     const hosted = pair.loop === "host" ? ", host loop" : "";
-    const seconds = pair.cost[k][0] === null ? "" : `, ${nsbench.seconds(pair.cost[k][0])}${hosted}`;
+    const known = pair.cost[k][0];
+    const seconds = known === null ? "" : `, ${nsbench.seconds(known)}${hosted}`;
     target.replaceChildren(`For an error of ${label} the cheapest is `, chip,
       ` (${setting}${seconds}).`);
   },
