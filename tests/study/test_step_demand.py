@@ -175,8 +175,9 @@ def test_what_is_loaded_in_some_try_does_not_end_a_search(monkeypatch):
 def test_step_asks_methods_of_a_file(tmp_path, capsys, monkeypatch):
     """By option, and by nsbench.toml of the folder."""
     monkeypatch.chdir(tmp_path)
-    assert main(["new", "method", "mine", "--kind", "switch"]) == 0
-    for more in (["--solvers", "mine.py"], []):
-        assert main(["step", "slide_exit", "--error", "1e-2", "-s", "mine", *more]) == 0
-        assert "Take mine with h = " in capsys.readouterr().out
-        (tmp_path / "nsbench.toml").write_text('method_files = ["mine.py"]\n')
+    (tmp_path / "nsbench.toml").write_text('method_files = ["listed.py"]\n')
+    for name in ("named", "listed"):  # each in its own file: a loaded method stays known
+        assert main(["new", "method", name, "--kind", "switch"]) == 0
+    for name, more in (("listed", []), ("named", ["--solvers", "named.py"])):
+        assert main(["step", "slide_exit", "--error", "1e-2", "-s", name, *more]) == 0
+        assert f"Take {name} with h = " in capsys.readouterr().out
