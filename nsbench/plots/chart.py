@@ -26,8 +26,13 @@ class Chart:
             raise ValueError("nothing to draw: no run has a number for this chart")
 
     def __repr__(self) -> str:
-        """Return the number of rows that are drawn; the specification is an attribute."""
-        return f"Chart({len(self.spec['datasets']['points'])} points)"
+        """Return the number of points that are drawn; the specification is an attribute.
+
+        The error of the reference is a line or a band of the chart, no point.
+        """
+        rows = self.spec["datasets"]["points"]
+        points = [row for row in rows if row.get("kind") not in ("floor", "far_floor")]
+        return f"Chart({len(points)} points)"
 
     def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> dict:
         """Return the chart as notebooks show it: interactive, or as SVG where they cannot."""

@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -205,7 +206,7 @@ class _Search:
                 break
             known = f" ({last})" if last else ""
             announce(f"{self.spec}: trying {self.method.accuracy} = {value:.3g}{known}")
-            run, found, ratio = self.budget.time_try(value, lambda v=value: self._tried(v))
+            run, found, ratio = self.budget.time_try(value, partial(self._tried, value))
             if found.is_found and ratio <= 1.0:
                 return replace(found, seconds=_seconds(run, self.budget.runs[value]))
             last = found.why or f"with {self.method.accuracy} = {value:.3g} it is {found.error:.2g}"
@@ -232,7 +233,7 @@ class _Search:
         """
         if not self.budget.allows(value) and self.budget.has_left():
             last = next(reversed(self.budget.tries))
-            self.budget.time_try(last, lambda: self._tried(last))
+            self.budget.time_try(last, partial(self._tried, last))
         return self.budget.allows(value)
 
     def _changed(self, value: float, change: float) -> float:
