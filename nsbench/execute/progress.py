@@ -23,6 +23,22 @@ BAR_CELLS = 20
 FIRST_ESTIMATE = 5  # finished runs: with fewer no time left is given
 
 
+class Waiting:
+    """Say now and then that something without steps of its own goes on; what: its name."""
+
+    def __init__(self, what: str, say: Callable):
+        self.what = what
+        self.say = say
+        self.start = self.printed_at = time.monotonic()
+
+    def tell(self) -> None:
+        """Print how long it has taken, if it is time to."""
+        now = time.monotonic()
+        if now - self.printed_at > SECONDS_BETWEEN_LINES:
+            self.printed_at = now
+            self.say(f"{self.what}: {now - self.start:.0f} s so far")
+
+
 class Progress:
     """Count finished runs and print how far a study is.
 

@@ -12,7 +12,6 @@ import json
 import os
 import re
 import secrets
-import time
 from collections import Counter
 from collections.abc import Iterable
 from itertools import chain, groupby
@@ -23,11 +22,11 @@ from nsbench.case import parse_spec, size
 from nsbench.compilation.disk_cache import digest, digest_of
 from nsbench.execute import dry_run, extended_ladders
 from nsbench.execute.forecast import work
+from nsbench.execute.missing_references import build_references
 from nsbench.execute.notes import dump, write_notes
 from nsbench.execute.progress import EXPECTED_STATUSES, Progress
 from nsbench.execute.workers.pool import Chore, run_all
-from nsbench import reference
-from nsbench.reference import build_missing, is_missing, lookup, store_reason, why_missing
+from nsbench.reference import lookup
 from nsbench.report.data import read
 from nsbench.report.overview import format_overview
 from nsbench.results import consistency, row_reuse
@@ -129,40 +128,6 @@ def _complete(specs, known, journal, args, say, out) -> tuple[bool, set]:
     drawn = _run(todo, keys, recorder, rows, args, say, cases, out)
     recorder.report(say)
     return True, drawn
-
-
-def build_references(sources: set[tuple[str, str, str]], args, say) -> None:
-    """Build on workers the references that cases of files lack: (key, file, folder) each.
-
-    With --plan it is said which they are. What cannot be built has its reason stored beside them
-    (nsbench.reference.missing).
-    """
-    missing = sorted(source for source in sources if is_missing(resolve(*source)))
-    if not missing:
-        return
-    names = ", ".join(key for key, _, _ in missing)
-    if args.plan:
-        say(f"first the references of {names} would be built; until then their errors are unknown")
-        return
-    ways = {source[0]: reference.describe_attempt(resolve(*source)) for source in missing}
-    for way in dict.fromkeys(ways.values()):
-        say(f"building the references of {', '.join(k for k in ways if ways[k] == way)}: {way}")
-    start = time.perf_counter()
-    chores = [Chore(_build_reference, source) for source in missing]
-    jobs = dry_run.worker_count(args) if args.dask is None else 1
-    run_all([], jobs, args.timeout, lambda spec, row: None, chores, memory_limit=args.memory)
-    for source in missing:
-        case = resolve(*source)
-        if is_missing(case):
-            store_reason(case, "its worker ended, or was stopped at the limits of time and memory")
-        found = lookup.reference(case)
-        told = f"no reference: {why_missing(case)}" if found is None else f"reference: {found}"
-        say(f"{case.key}: {told}")
-    say(f"references took {time.perf_counter() - start:.0f} s")
-
-
-def _build_reference(key: str, file: str, folder: str) -> None:
-    build_missing(resolve(key, file, folder))
 
 
 def _parts_of_all(specs: list[Spec], cases: dict) -> dict[Spec, tuple]:

@@ -16,6 +16,7 @@ import numpy as np
 
 from nsbench import solvers, user_code
 from nsbench.case import SUITES, Case, case_module, case_names, get_case, load_case, parse_spec
+from nsbench.problem import LCS
 from nsbench.solvers.base import Solver, accuracy_unit
 
 SMOKE = ("tide", "sliding", "three_discs")  # cases of the smoke suite, if they name none themselves
@@ -124,16 +125,16 @@ def plan_runs(
     """Return every run to attempt.
 
     cases: (key, file), the file "" for a registered case; specs: of solvers (None: the standard
-    ones and those that a case adds); values: accuracies by name ("h", "tol", "k") that replace the
-    standard ladders; references: folder of the references of case files. A pair that the solver
-    refuses is one run of accuracy NaN. Raises ValueError for a step that no grid over the samples
-    has.
+    ones, and those that a case and its kind of problem add); values: accuracies by name ("h",
+    "tol", "k") that replace the standard ladders; references: folder of the references of case
+    files. A pair that the solver refuses is one run of accuracy NaN. Raises ValueError for a step
+    that no grid over the samples has.
     """
     out = []
     for key, file in cases:
         where = references if file else ""
         case = resolve(key, file, where)
-        chosen = list(specs) if specs else [*solvers.standard(), *case.also]
+        chosen = list(specs) if specs else [*solvers.standard(), *case.also, *_also_of_kind(case)]
         for spec in dict.fromkeys(chosen):
             method = solvers.get(spec)
             if user_code.solver_refuses(method, case, spec):
@@ -148,6 +149,12 @@ def plan_runs(
                 for a in asked
             ]
     return out
+
+
+def _also_of_kind(case: Case) -> tuple[str, ...]:
+    """Return the variants that are run on every problem of a kind: of circuits the trapezoidal rule
+    beside implicit Euler, of second order between the switches at the same cost."""
+    return ("theta[theta=0.5]",) if isinstance(case.problem, LCS) else ()
 
 
 def substeps_ladder(first: int, octaves: float = OCTAVES, points: int = POINTS) -> list[int]:

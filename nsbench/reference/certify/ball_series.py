@@ -195,13 +195,18 @@ def _whole_power(x, k):
 
 
 class Jet(Number):
-    """Represent a truncated power series with ball coefficients; s: arb_series."""
+    """Represent a truncated power series with ball coefficients; s: arb_series.
+
+    made: results of operations so far, in this process: what a proof costs, on any machine.
+    """
 
     __slots__ = ("s",)
     level = 0
+    made = 0
 
     def __init__(self, s: arb_series):
         self.s = s
+        Jet.made += 1
 
     @classmethod
     def of(cls, coefficients: Sequence[arb], length: int) -> Jet:

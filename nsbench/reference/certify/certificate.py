@@ -10,6 +10,7 @@ solution through a state is unique, so this proves that the path is the solution
 from __future__ import annotations
 
 import importlib.util
+import math
 import platform
 from dataclasses import dataclass
 from importlib import metadata
@@ -25,6 +26,8 @@ from nsbench.trajectory import Event
 STATES = 60
 LISTED = 600
 EVENTS = 200
+# on series, of a path whose proof is tried and not asked for: minutes
+OPERATIONS = 1.5e6
 SHOWN = 30  # digits of event times
 AGREE = 1e-9  # the run that gave the arcs must be this close to what came out of them
 
@@ -72,11 +75,17 @@ def why_not(case: Case) -> str | None:
 
 
 def certify(
-    case: Case, arcs=None, order: int = 40, digits: float = 36.0, bits: int = 200
+    case: Case,
+    arcs=None,
+    order: int = 40,
+    digits: float = 36.0,
+    bits: int = 200,
+    operations: float = math.inf,
 ) -> Certificate:
     """Follow and prove the arcs (by default those of event_driven).
 
-    order: of the Taylor series; digits: truncation of a step; bits: working precision. Raises
+    order: of the Taylor series; digits: truncation of a step; bits: working precision; operations:
+    most on series that the path may take, a quarter of those of its bounds. Raises
     Refused (a ValueError) with the place and the reason if they are not the solution or that cannot
     be shown.
     """
@@ -96,7 +105,7 @@ def certify(
         from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 
         start = initial_state(case, ConstraintSet(case.problem, case.n))
-    work = Digits(order, digits, bits)
+    work = Digits(order, digits, bits, operations)
     path = follow(case, arcs, work, start)
     bounds = enclose(path, work)
     return Certificate(

@@ -21,7 +21,13 @@ from flint import arb
 
 from nsbench.reference.certify.ball_algebra import Refused, lead
 from nsbench.reference.certify.ball_series import Jet
-from nsbench.reference.certify.high_precision_path import Digits, Path, precision
+from nsbench.reference.certify.high_precision_path import (
+    BOUNDS,
+    Digits,
+    OperationCount,
+    Path,
+    precision,
+)
 from nsbench.reference.certify.local_bounds import TUBE, PieceBounds
 
 PIECES = 4  # of a step, to begin with
@@ -51,7 +57,8 @@ def enclose(path: Path, digits: Digits) -> Bounds:
     Raises Refused if a sign does not hold or cannot be shown.
     """
     with precision(digits):
-        return ErrorTube(path, 10.0 ** (2.0 - digits.digits)).run()
+        fine = 10.0 ** (2.0 - digits.digits)
+        return ErrorTube(path, fine, OperationCount(BOUNDS * digits.operations)).run()
 
 
 class ErrorTube:
@@ -59,9 +66,10 @@ class ErrorTube:
     tube.
     """
 
-    def __init__(self, path, fine):
+    def __init__(self, path, fine, count):
         self.path = path
         self.fine = fine
+        self.count = count
         self.r = 0.0
         self.largest = 0.0
         self.impulse = 0.0
@@ -121,6 +129,7 @@ class ErrorTube:
         todo = [(h * (k / PIECES), h * ((k + 1) / PIECES)) for k in reversed(range(PIECES))]
         while todo:
             a, b = todo.pop()
+            self.count.check(float(st.t) + a)
             why = self._piece(piece, st, a, b, a == 0.0, b == h)
             if why is not None:
                 if b - a < SMALLEST * max(h, 1e-9):

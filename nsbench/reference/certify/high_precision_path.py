@@ -6,6 +6,7 @@ start on its constraints, is refused with a sentence.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -26,17 +27,34 @@ SAME = 1e-25  # events of one instant agree to this
 ON = 1e-7  # an arc may start this far from its constraints before its end is polished
 WRONG = 1e-12  # a watched number this far below zero at the end of a step is wrong beyond doubt
 MOST_STEPS = 20_000
+BOUNDS = 4.0  # times the operations of a path bound it, about
 
 
 @dataclass(frozen=True)
 class Digits:
     """Hold the order of the series, the truncation of a step (decimal digits) and the working
     precision (bits).
+
+    operations: most on series that the path may take; its bounds take BOUNDS times as many.
     """
 
     order: int
     digits: float
     bits: int
+    operations: float = math.inf
+
+
+class OperationCount:
+    """Count the operations on series since this was made."""
+
+    def __init__(self, most: float):
+        self.most = most
+        self.before = Jet.made
+
+    def check(self, t: float) -> None:
+        """Raise Refused if there were more than `most`; t: how far they have come."""
+        if Jet.made - self.before > self.most:
+            raise Refused(f"more than {self.most:.0e} operations on series by t = {t:.4g}")
 
 
 @dataclass(eq=False)
@@ -101,6 +119,7 @@ class ArcFollower:
         self.total, self.force = {}, [arb(0)] * (case.n if self.rows is not None else 0)
         self.samples = []
         self.taken = 0
+        self.count = OperationCount(digits.operations)
 
     def run(self) -> Path:
         """Follow all arcs; return the path with its samples."""
@@ -197,6 +216,7 @@ class ArcFollower:
             self.taken += 1
             if self.taken > MOST_STEPS:
                 raise Refused(f"{MOST_STEPS} steps were taken by t = {float(self.t):.9g}")
+            self.count.check(float(self.t))
             left = (end - self.t if last else goal - self.t + REACH * self.span).mid()
             st = step(
                 piece.flow, self.t, self.x, self.digits.order, self.digits.digits, left, choices
