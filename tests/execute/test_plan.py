@@ -10,6 +10,7 @@ import time
 import numpy as np
 import pytest
 
+import nsbench
 from nsbench import get_case
 from nsbench.case import size
 from nsbench.cli import main
@@ -21,6 +22,7 @@ from nsbench.results import run_key
 from nsbench.results.journal import Journal, read_journal, settled
 from nsbench.results.run_key import Part
 from nsbench.study import Spec
+from nsbench.study.plan import hand_over, plan_runs
 
 HANG = '''
 import time
@@ -223,3 +225,12 @@ def test_small_runs_are_made_apart_and_stopped_in_time(tmp_path):
         60.0,
     ).values()
     assert found["status"] == "refused" and found["wall"] >= 0.0 and found["memory"] > 1 << 24
+
+
+def test_circuits_are_run_with_the_trapezoidal_rule_too():
+    circuit = nsbench.LCS(A=[[-1.0]], B=[[1.0]], C=[[1.0]], D=[[1.0]])
+    case = nsbench.Case("own", circuit, np.ones(1), np.linspace(0.0, 1.0, 5))
+    for cases in ([("rlc_diode", "")], [(case.key, hand_over(case))]):
+        asked = [s.solver for s in plan_runs(cases, None)]
+        assert asked.count("theta[theta=0.5]") == asked.count("theta") > 10
+    assert "theta[theta=0.5]" not in {s.solver for s in plan_runs([("sliding", "")], None)}

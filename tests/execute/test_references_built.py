@@ -101,3 +101,21 @@ def test_a_run_builds_what_is_missing_in_a_worker_and_keeps_it(tmp_path, monkeyp
     args = ["reference", "verify", "mine.py[rate=0.5]", "--into", "out/references"]
     assert main(args) == 0
     assert "mine[rate=0.5]: confirmed by" in capsys.readouterr().out
+
+
+OVERLAP = DECAY.replace("x0=[0.5]", "x0=[-0.5]").replace('name="mine"', 'name="below"')
+
+
+def test_a_start_that_is_not_feasible_ends_the_command_before_its_runs(
+    tmp_path, monkeypatch, capsys, runs_here
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").write_text(DECAY)
+    (tmp_path / "below.py").write_text(OVERLAP.replace("{}, ", ""))
+    assert main(["run", "below.py", "-s", "pbd"]) == 2
+    assert "the start of below[rate=0.5] violates constraint (0, 0) by 0.5" in capsys.readouterr().err
+    assert not (tmp_path / "results").exists()
+    assert main(["run", "below.py", "mine.py", "-s", "pbd", "--h", "0.1..0.02", "-j", "1"]) == 3
+    said = capsys.readouterr().out
+    assert "left out: below[rate=0.5]: the start of" in said and "mine" in said.splitlines()[-3]
+    assert {key.partition("[")[0] for key in read(tmp_path / "results").case_keys} == {"mine"}

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from nsbench.execute.forecast import MEASURE, seconds_with_repetitions, work
-from nsbench.execute.progress import Progress
+from nsbench.execute.progress import Progress, Waiting
 from nsbench.execute.remaining_time import FIXED_WORK, RemainingTime
 from nsbench.execute.workers.kernel_schedule import kernel_group
 from nsbench.execute.workers.pool import WorkerPool
@@ -94,3 +94,14 @@ def test_a_worker_that_waits_longer_for_a_kernel_than_loading_takes_is_compiling
     assert pool.compiling() == [specs[1]]
     pool.busy[0].index = -1  # compiled before the first run was announced
     assert pool.compiling() == []
+
+
+def test_what_has_no_steps_of_its_own_says_now_and_then_that_it_goes_on():
+    printed = []
+    waiting = Waiting("references", printed.append)
+    waiting.tell()
+    waiting.start -= 40.0
+    waiting.printed_at -= 20.0
+    waiting.tell()
+    waiting.tell()
+    assert printed == ["references: 40 s so far"]

@@ -24,6 +24,8 @@ from nsbench.reference.certify.ball_algebra import (
     Refused,
     positive,
 )
+from nsbench.reference.certify import certificate  # noqa: E402
+from nsbench.reference.certify.ball_series import Jet  # noqa: E402
 from nsbench.reference.certify.certificate import certify  # noqa: E402
 from nsbench.reference.certify.claimed_arcs import arcs_of  # noqa: E402
 
@@ -309,3 +311,19 @@ def test_a_certificate_bounds_the_closed_form(tmp_path):
     wrong = TIDE.replace(exact_impulse=lambda t: TIDE.exact_impulse(t) * (1 + 1e-11))
     with pytest.raises(ValueError, match="in exact_impulse"):
         reference.verify(wrong, tmp_path)
+
+
+def test_a_proof_that_costs_too_much_is_given_up_and_a_longer_one_is_made_when_asked_for(
+    tmp_path, monkeypatch
+):
+    case = get_case("tide")
+    with pytest.raises(ValueError, match=r"more than 5e\+01 operations on series by t = 0"):
+        certify(case, operations=50.0)
+    needed = Jet.made
+    certify(case)
+    needed = Jet.made - needed  # of the path and its bounds
+    with pytest.raises(ValueError, match=r"operations on series by t = [1-9]"):
+        certify(case, operations=needed / 8.0)
+    monkeypatch.setattr(certificate, "OPERATIONS", 50.0)
+    assert "operations on series" in reference.build(case, tmp_path).how
+    assert reference.build(case, tmp_path, kind="certified").kind == "certified"
