@@ -113,7 +113,8 @@ def test_a_start_that_is_not_feasible_ends_the_command_before_its_runs(
     (tmp_path / "mine.py").write_text(DECAY)
     (tmp_path / "below.py").write_text(OVERLAP.replace("{}, ", ""))
     assert main(["run", "below.py", "-s", "pbd"]) == 2
-    assert "the start of below[rate=0.5] violates constraint (0, 0) by 0.5" in capsys.readouterr().err
+    told = "the start of below[rate=0.5] violates constraint (0, 0) by 0.5"
+    assert told in capsys.readouterr().err
     assert not (tmp_path / "results").exists()
     assert main(["run", "below.py", "mine.py", "-s", "pbd", "--h", "0.1..0.02", "-j", "1"]) == 3
     said = capsys.readouterr().out

@@ -25,7 +25,6 @@ from nsbench.reference.certify.ball_algebra import (
     positive,
 )
 from nsbench.reference.certify import certificate  # noqa: E402
-from nsbench.reference.certify.ball_series import Jet  # noqa: E402
 from nsbench.reference.certify.certificate import certify  # noqa: E402
 from nsbench.reference.certify.claimed_arcs import arcs_of  # noqa: E402
 
@@ -316,14 +315,15 @@ def test_a_certificate_bounds_the_closed_form(tmp_path):
 def test_a_proof_that_costs_too_much_is_given_up_and_a_longer_one_is_made_when_asked_for(
     tmp_path, monkeypatch
 ):
+    from nsbench.reference.certify.error_bound import enclose
+    from nsbench.reference.certify.high_precision_path import Digits, follow
+
     case = get_case("tide")
     with pytest.raises(ValueError, match=r"more than 5e\+01 operations on series by t = 0"):
         certify(case, operations=50.0)
-    needed = Jet.made
-    certify(case)
-    needed = Jet.made - needed  # of the path and its bounds
-    with pytest.raises(ValueError, match=r"operations on series by t = [1-9]"):
-        certify(case, operations=needed / 8.0)
+    path = follow(case, arcs_of(case), Digits(40, 36.0, 200), case.x0)
+    with pytest.raises(ValueError, match=r"more than 4e\+01 operations on series by t = 0"):
+        enclose(path, Digits(40, 36.0, 200, operations=10.0))
     monkeypatch.setattr(certificate, "OPERATIONS", 50.0)
     assert "operations on series" in reference.build(case, tmp_path).how
     assert reference.build(case, tmp_path, kind="certified").kind == "certified"
