@@ -21,4 +21,5 @@ def run_all(batches, jobs, timeout, on_row, chores=(), **more):
 def patch_runs(monkeypatch):
     """What `nsbench run` and `nsbench calibrate` run is run here, until the patch is undone."""
     monkeypatch.setattr("nsbench.execute.suite.run_all", run_all)
+    monkeypatch.setattr("nsbench.execute.missing_references.run_all", run_all)
     monkeypatch.setattr("nsbench.gate.calibrate.run_all", run_all)
