@@ -10,7 +10,7 @@ from nsbench.report import cost, performance_profiles, scaling
 from nsbench.report.answers.choices import write_headline
 from nsbench.report.answers.multipliers import explain_reactions
 from nsbench.report.content import Content
-from nsbench.report.data import Data
+from nsbench.report.data import Data, Runs
 from nsbench.report.euler_sliding_figure import (
     describe_euler_sliding_figure,
     draw_euler_sliding_figure,
@@ -262,6 +262,20 @@ def _where(env: dict) -> list[str]:
     ]
 
 
+def _name_steps_for_violation(ladders: list[Runs], target: float, limit: str) -> list[str]:
+    """Say with which step each method violates by at most `target`, and which ones never do."""
+    found = {r.solver: cost.step_for_violation(r, target) for r in ladders if r.violates}
+    costs = [c for c in found.values() if c is not None]
+    beyond = [solver for solver, c in found.items() if c is None]
+    reached = "; ".join(
+        f"{c.solver} h = {format_number(c.h)}{', the largest tried' if c.at_most else ''} "
+        f"({format_seconds(c.seconds)})"
+        for c in costs
+    )
+    not_by = f"{'; not' if costs else 'not'} by {', '.join(beyond)} at the steps tried"
+    return [f"Violation below {limit}: {reached}{not_by if beyond else ''}."] if found else []
+
+
 def write_case_notes(data: Data, case: str, summaries: dict[tuple, Summary]) -> list[str]:
     """Write the sentences below the docstring of one case.
 
@@ -289,15 +303,10 @@ def write_case_notes(data: Data, case: str, summaries: dict[tuple, Summary]) -> 
         target = part * (length or 1.0)
         of_length = f"{100 * part:g} % of the diameter or stated size ({format_number(target)})"
         limit = of_length if length else format_power(part)
-        found = [cost.step_for_violation(s.runs, target) for s in own if s.runs.violates]
-        found = [c for c in found if c is not None]
-        if found:
-            reached = "; ".join(
-                f"{c.solver} h = {format_number(c.h)}{', the largest tried' if c.at_most else ''} "
-                f"({format_seconds(c.seconds)})"
-                for c in found[:4]
-            )
-            out.append(f"Violation below {limit}: {reached}.")
+        out += _name_steps_for_violation([s.runs for s in own], target, limit)
+    kept = [s.solver for s in own if s.runs.keeps_constraints]
+    if kept and data.cases.get(case, {}).get("families", True):
+        out.append(f"No step tried violates by more than rounding: {', '.join(kept)}.")
     for runs in data.of_case(case):
         noted = dict.fromkeys(n for n in runs.col["note"] if n)
         out += [f"{runs.solver}: {sanitise(n)}" for n in list(noted)[:MAX_NOTES]]

@@ -44,6 +44,21 @@ def test_the_step_that_keeps_the_constraints_is_for_per_cents_of_the_own_length(
     assert f"Violation {said}:" in text
 
 
+def test_methods_that_keep_the_constraints_and_those_that_never_do_are_named():
+    worse = {"pbd": 0.05, "kdtree": 1.0, "catching_up": 1e-12}  # violation over the step
+    rows = [
+        row("hex", method, h, state_sup=h, feasibility=size * h)
+        for method, size in worse.items()
+        for h in (0.4, 0.2, 0.1)
+    ]
+    for families, said in (("171 pairs of discs", True), ([], False)):
+        known = data.build(data.columns_of(rows), cases={"hex": {"families": families}})
+        text = " ".join(assemble.write_case_notes(known, "hex", summarise(known)))
+        assert "below 1e-2: pbd h = 0.2 (" in text and "); not by kdtree at the steps" in text
+        assert "below 1e-3: not by pbd, kdtree at the steps tried." in text
+        assert ("No step tried violates by more than rounding: catching_up." in text) == said
+
+
 def test_a_study_without_pbd_says_nothing_of_pbd():
     seen = {"loop": "compiled", "seconds": 1e-3}
     rows = [row("hex", "euler", h, state_sup=h * h, **seen) for h in (0.2, 0.1, 0.01)]
