@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+import numpy as np
+
 from nsbench.measure.compared_multiplier import NOT_UNIQUE
 from nsbench.report import cost, performance_profiles, scaling
 from nsbench.report.answers.choices import write_headline
@@ -304,7 +306,8 @@ def write_case_notes(data: Data, case: str, summaries: dict[tuple, Summary]) -> 
         of_length = f"{100 * part:g} % of the diameter or stated size ({format_number(target)})"
         limit = of_length if length else format_power(part)
         out += _name_steps_for_violation([s.runs for s in own], target, limit)
-    kept = [s.solver for s in own if s.runs.keeps_constraints]
+    with_steps = [s.runs for s in own if s.runs.accuracy == "h" and not s.runs.violates]
+    kept = [r.solver for r in with_steps if np.isfinite(r.col["feasibility"][r.good]).any()]
     if kept and data.cases.get(case, {}).get("families", True):
         out.append(f"No step tried violates by more than rounding: {', '.join(kept)}.")
     for runs in data.of_case(case):

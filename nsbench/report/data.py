@@ -88,12 +88,6 @@ class Runs:
             np.any(self.col["feasibility"][self.good] > MIN_VIOLATION)
         )
 
-    @property
-    def keeps_constraints(self) -> bool:
-        """Does a method with steps violate constraints by rounding alone, at any step tried?"""
-        seen = self.col["feasibility"][self.good]
-        return self.accuracy == "h" and bool(seen.size and np.all(seen <= MIN_VIOLATION))
-
     def scale(self, metric: str) -> float:
         """Return the size of the quantity that `metric` is the error of; 1 if it is not stored.
 
