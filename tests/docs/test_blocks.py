@@ -42,19 +42,15 @@ def capture(capsys):
 @pytest.fixture
 def runs_and_references(runs_here, monkeypatch):
     """As runs_here; references that are missing are built, by a worker as always."""
-    from runs_here import run_all
-
     from nsbench.execute.workers import pool
     from nsbench.source_files import opened_files
 
-    def run_all_or_build(batches, *options, **more):
-        if batches:
-            return run_all(batches, *options, **more)
-        pool.run_all(batches, *options, **more)
+    def build(*options, **more):
+        pool.run_all(*options, **more)
         opened_files._opened_by_run.clear()  # a worker that is started now has opened nothing
         return []
 
-    monkeypatch.setattr("nsbench.execute.suite.run_all", run_all_or_build)
+    monkeypatch.setattr("nsbench.execute.missing_references.run_all", build)
 
 
 @pytest.mark.long
