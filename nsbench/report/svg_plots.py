@@ -348,13 +348,13 @@ def _power(k: float) -> str:
 def inline_svg(svg: str, names: dict[int, str], label: str, is_hidden: bool = False) -> str:
     """Adapt an SVG element to the page.
 
-    Colours become the page's variables, lines carry their method's name and class. names: by index
-    of the look. label: for screen readers; is_hidden: from which the element is hidden.
+    Colours become the page's variables, lines carry their method's name. names: by index of the
+    look. label: for screen readers; is_hidden: from which the element is hidden.
     """
     svg = svg.replace(HALO, ' class="value"')
     for colour, variable in _TONES.items():
         svg = svg.replace(colour, variable)
-    named = lambda m: f'<g class="s s{m[1]}"><title>{escape(names[int(m[1])])}</title>'
+    named = lambda m: f'<g><title>{escape(names[int(m[1])])}</title>'
     svg = re.sub(r'<g id="s(\d+)">', named, svg)
     # the policy of the page allows no style attributes: the page has classes of this name
     svg = re.sub(r'style="marker:url\(#(\w):(\d+)\)"', r'class="\1-\2"', svg)

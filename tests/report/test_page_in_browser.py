@@ -394,7 +394,20 @@ def test_the_legends_are_whole_on_a_phone(open_page, chart, tmp_path):
     assert 100 < right <= 390 - 2 * 16
 
 
+def test_pictures_are_parsed_as_they_come_near_the_screen(page):
+    """All of them at once keep the reader waiting; none is lost."""
+    kept = page.locator("article noscript").count()
+    assert kept > 1 and page.locator("article img.scene").count() < page.locator("article").count()
+    for element in page.evaluate("nsbench.data.cases.map((one) => one.id)"):
+        scroll_to(page, element)
+        page.wait_for_timeout(200)
+    assert page.locator("article .about noscript").count() == 0
+    assert page.locator("article .static noscript").count() > 0  # the live figure stands for them
+
+
 def test_paper_has_the_static_figures(page):
     page.emulate_media(media="print")
+    page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    assert page.locator("noscript").count() == 0
     assert page.locator("article .panels svg").first.is_visible()
     assert not page.locator("#answer-error").is_visible()

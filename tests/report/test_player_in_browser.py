@@ -247,6 +247,7 @@ def test_the_page_of_one_run_plays(open_page, tmp_path):
 def test_stored_figures_are_dark_on_a_dark_page_and_bright_on_paper(open_page):
     """A corner of the figure, its white ground, against the ground of the page around it."""
     page = open_page(color_scheme="dark")
+    page.locator("article", has=page.locator(".about noscript")).first.scroll_into_view_if_needed()
     scene = page.locator("img.scene").first
     assert lightness(scene) < 0.15
     page.emulate_media(color_scheme="light")

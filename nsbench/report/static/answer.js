@@ -3,6 +3,8 @@
 // selected, counted and averaged.
 const answer = {
   SHIFT: 1e-3, // seconds added before the logarithm: runs below it count alike
+  PAUSE: 50, // milliseconds before the chart is drawn
+  waiting: null, // the chart to be drawn
   PENALTY: 10, // an error not reached costs so many times the slowest method that reaches it
 
   // Does a word name a case? name[p=v] names all whose name and those parameters are the same.
@@ -141,7 +143,9 @@ const answer = {
     answer.sentence(rows, best, cases, label);
     answer.table(k, rows, cases);
     answer.byCase(k, best, cases);
-    answer.profile(k, best, cases);
+    // the chart takes longest: it follows when sentence and tables are seen, once in a quick slide
+    clearTimeout(answer.waiting);
+    answer.waiting = setTimeout(() => answer.profile(k, best, cases), answer.PAUSE);
   },
 
   sentence(rows, best, cases, label) {

@@ -1,4 +1,4 @@
-// Behaviour of the report: filter of the table of orders, highlighting of one method, printing.
+// Behaviour of the report: pictures put in place, filter of the table of orders, printing.
 // Without it the page shows everything.
 
 // Jumps to places of the page. Sections are laid out, and get their height, as they come into view:
@@ -34,6 +34,31 @@ const jump = {
       addEventListener(name, () => jump.last++, { passive: true });
     }
     go();
+  },
+};
+
+// Static pictures stand in noscript elements, which a browser with scripts does not parse: each is
+// put in place when what holds it comes near the screen, and all of them for paper.
+const pictures = {
+  put(noscript) {
+    const parsed = document.createElement("template");
+    parsed.innerHTML = noscript.textContent;
+    noscript.replaceWith(parsed.content);
+  },
+
+  start() {
+    const observer = new IntersectionObserver(
+      (entries) => {
+        for (const { target } of entries.filter((entry) => entry.isIntersecting)) {
+          observer.unobserve(target);
+          target.querySelectorAll("noscript").forEach(pictures.put);
+        }
+      },
+      { rootMargin: "300px" }
+    );
+    for (const noscript of document.querySelectorAll("noscript")) {
+      observer.observe(noscript.parentElement);
+    }
   },
 };
 
@@ -89,25 +114,15 @@ const jump = {
     }
   }
 
-  // Pointing at a method in a legend dims the lines of all others in its article.
-  for (const item of document.querySelectorAll(".legend li")) {
-    const article = item.closest(".case");
-    const highlight = function (on) {
-      article.classList.toggle("dim", on);
-      for (const line of article.querySelectorAll(".s" + item.dataset.s)) {
-        line.classList.toggle("on", on);
-      }
-    };
-    item.addEventListener("mouseenter", () => highlight(true));
-    item.addEventListener("mouseleave", () => highlight(false));
-  }
-
   // On paper nothing can be unfolded.
   addEventListener("beforeprint", function () {
     for (const details of document.querySelectorAll("details")) {
       details.open = true;
     }
+    document.querySelectorAll("noscript").forEach(pictures.put);
   });
+
+  pictures.start();
 
   jump.start();
 })();
