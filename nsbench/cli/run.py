@@ -14,7 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from nsbench import solvers
-from nsbench.case import Case, broken_cases
+from nsbench.case import broken_cases
 from nsbench.case.selection import python_files
 from nsbench.cli.exit_codes import FAILED, FINE
 from nsbench.cli.option_values import (
@@ -25,8 +25,7 @@ from nsbench.cli.option_values import (
     read_accuracies,
     read_values,
 )
-from nsbench.problem import Complementarity
-from nsbench.study.plan import Spec, plan_runs, resolve, suite_cases
+from nsbench.study.plan import Spec, plan_runs, resolve, starts_refused, suite_cases
 
 CaseSource = tuple[str, str]  # key, and the file ("": a registered case)
 
@@ -86,25 +85,10 @@ def _select_cases(args) -> tuple[list[CaseSource], dict[str, str]]:
         left_out = broken_cases()
         return [(k, "") for k in suite_cases(args.suite, args.tag, left_out)], left_out
     found = [(c, f) for c, f in find_cases(names, args.suite, args) if args.tag in (None, *c.tags)]
-    refused = _starts_refused([c for c, f in found if f])
+    refused = starts_refused(c for c, f in found if f)
     if refused and len(refused) == len(found):
         raise ValueError("; ".join(refused.values()))
     return [(c.key, f) for c, f in found if c.key not in refused], refused
-
-
-def _starts_refused(cases: list[Case]) -> dict[str, str]:
-    """Say why cases have no start, by key: every run of theirs would end with this sentence."""
-    from nsbench.dynamics.contacts.tolerances import scene_of
-    from nsbench.solvers.common.initial_state import initial_state
-
-    refused = {}
-    for case in cases:
-        if isinstance(case.problem, Complementarity):
-            try:
-                initial_state(case, scene_of(case))
-            except ValueError as e:
-                refused[case.key] = str(e)
-    return refused
 
 
 def _plan(args, cases, values, solver_files, added_solvers) -> list[Spec]:

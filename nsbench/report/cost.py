@@ -291,7 +291,12 @@ def ratio_of_seconds(one: Cost, other: Cost) -> float | None:
 
     A method whose coarsest run was already better has no cost at this error, only a bound.
     """
-    known = one.seconds > 0 and other.seconds > 0 and not (one.at_most or other.at_most)
+    return None if one.at_most else most_ratio_of_seconds(one, other)
+
+
+def most_ratio_of_seconds(one: Cost, other: Cost) -> float | None:
+    """Bound the ratio of seconds from above: those of `one` may be bounds, those of `other` not."""
+    known = one.seconds > 0 and other.seconds > 0 and not other.at_most
     return one.seconds / other.seconds if known and not why_not_comparable(one, other) else None
 
 
@@ -318,6 +323,7 @@ def compare_speeds(data: Data) -> Iterator[str]:
     """
     qp_methods = find_qp_methods(data)
     ratios = {}
+    bounds = {}  # by method and error
     not_comparable = set()
     for case in data.case_keys:
         for target in TARGETS:
@@ -326,10 +332,12 @@ def compare_speeds(data: Data) -> Iterator[str]:
             for c in found:
                 if base is None or c.solver == base.solver:
                     continue
-                r = ratio_of_seconds(c, base)
+                r = most_ratio_of_seconds(c, base)
                 if r is None and c.loop != base.loop:
                     not_comparable.add(c.solver)
-                elif r is not None:
+                elif r is not None and c.at_most and c.accuracy == "tol":
+                    bounds.setdefault(c.solver, {}).setdefault(target, []).append(r)
+                elif r is not None and not c.at_most:
                     ratios.setdefault(c.solver, []).append((r, case, target))
     for solver, group in ratios.items():
         values = [r for r, _, _ in group]
@@ -338,12 +346,13 @@ def compare_speeds(data: Data) -> Iterator[str]:
             f"{LEADING_METHOD} (median of {format_count(len(values), 'comparison')}; "
             f"{format_factor(min(values))} to {format_factor(max(values))})."
         )
-    not_comparable -= set(ratios)
+    for solver in [name for name in bounds if name not in ratios]:
+        yield _bounded_seconds(solver, bounds[solver])
+    not_comparable -= {*ratios, *bounds}
     if not_comparable:
         yield (
             f"Seconds of {join_names(sorted(not_comparable))} are not compared with "
-            f"{LEADING_METHOD}: their loops are of another kind, or their coarsest run was already "
-            "better."
+            f"{LEADING_METHOD}: their loops are of another kind."
         )
     gains = [g for solver in qp_methods for g in ratios.get(solver, [])]
     if gains:
@@ -354,3 +363,16 @@ def compare_speeds(data: Data) -> Iterator[str]:
             f"most {format_factor(top)} times ({case} at {format_power(target)}), at least "
             f"{format_factor(min(gains)[0])}."
         )
+
+
+def _bounded_seconds(solver: str, bounds: dict[float, list[float]]) -> str:
+    """Compare, with PBD, the seconds of a method whose every run is better than the errors."""
+    parts = [
+        f"{format_factor(float(np.median(found)))} at {format_power(target)} "
+        f"({format_count(len(found), 'case')})"
+        for target, found in sorted(bounds.items(), reverse=True)
+    ]
+    return (
+        f"{solver}, whose coarsest run is better than these errors already, takes at most so many "
+        f"times the seconds of {LEADING_METHOD}, in the median: {', '.join(parts)}."
+    )

@@ -139,7 +139,10 @@ def cite_studies(
     """
     added = {
         MULTIPLIERS: [_say_settling(studies)] if with_pbd else [],
-        FAILED: [_say_failures(s, t) for s in studies for t in failures_of(s)],
+        FAILED: [
+            *(_say_failures(s, t) for s in studies for t in failures_of(s)),
+            *_say_large_steps(studies, with_pbd),
+        ],
     }
     return tuple(replace(s, sentences=(*s.sentences, *added.get(s.head, ()))) for s in statements)
 
@@ -152,6 +155,16 @@ def _say_settling(studies: tuple[StudySection, ...]) -> str:
         "PBD passes a load on like heat: in a column of n discs the multipliers are right only "
         f"after a number of steps that grows like n^2 (study `multipliers`): {tail}"
     )
+
+
+def _say_large_steps(studies: tuple[StudySection, ...], with_pbd: bool) -> list[str]:
+    """Say where to find how methods behave at steps far above those of a ladder."""
+    if not with_pbd or any(s.name == "stability" for s in studies):
+        return []
+    return [
+        "Ladders begin at steps that are asymptotic: how PBD and the other methods behave at much "
+        "larger ones is asked by `nsbench study stability` (stacks, piles, 10^5 steps)."
+    ]
 
 
 def failures_of(study: StudySection) -> list[Table]:

@@ -6,7 +6,7 @@ Every number in them is computed from the rows; no sentence is written where it 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from nsbench.columns import RELATIVE
@@ -23,7 +23,12 @@ from nsbench.report.answers.grouping import (
 )
 from nsbench.report.answers.multipliers import judge_multipliers
 from nsbench.report.data import Data
-from nsbench.report.expectations import judge_expectations, new_deviations, resolved_deviations
+from nsbench.report.expectations import (
+    find_expectation,
+    judge_expectations,
+    new_deviations,
+    resolved_deviations,
+)
 from nsbench.report.style import (
     format_count,
     format_number,
@@ -107,16 +112,15 @@ def _unexpected(found) -> list[Statement]:
 def _orders(data: Data, summaries: Summaries) -> Iterator[str]:
     """Report state orders: as claimed, off the claim, bounds, and where there is no verdict."""
     pairs = [(s, s.state) for s in summaries.values() if s.word == "ok"]
+    claimed = {key for key, s in summaries.items() if _claims_order(data, s)}
+    off = lambda s, o, word: o.kind == "fit" and o.flag == word and (s.case, s.solver) in claimed
     yield from _orders_as_claimed(by_solver(summaries))
     for head, test in (
-        ("Below the claim", lambda o: o.kind == "fit" and o.flag == "below"),
-        ("Above the claim", lambda o: o.kind == "fit" and o.flag == "above"),
-        (
-            "A limit of its own, or none",
-            lambda o: o.verdict in LEVELS and not o.flag,
-        ),
+        ("Below the claim", lambda s, o: off(s, o, "below")),
+        ("Above the claim", lambda s, o: off(s, o, "above")),
+        ("A limit of its own, or none", lambda s, o: o.verdict in LEVELS and not o.flag),
     ):
-        found = [(s, o) for s, o in pairs if test(o)]
+        found = [(s, o) for s, o in pairs if test(s, o)]
         if found:
             yield f"{head}: {join_pairs(found, describe_order)}."
     for name, group in by_solver(summaries).items():
@@ -205,27 +209,48 @@ def _references_itself(data: Data, s: Summary) -> bool:
     return stored.get("reference") == "stored" and how.startswith(f"{s.solver} at ")
 
 
+def _claims_order(data: Data, s: Summary) -> bool:
+    """Does the method claim an order on this case, by what it expects of the case's classes?"""
+    known = find_expectation(data.cases.get(s.case, {}), data.solvers.get(s.solver, {}))
+    return isinstance(known["state"], (int, float))
+
+
 def _violations(data: Data, summaries: Summaries) -> Iterator[str]:
-    """Report the step that keeps the constraints on all cases, and the case that needs it."""
-    for target in (1e-2, 1e-3):
-        reached = []
-        missed = []
-        for solver, group in by_solver(summaries).items():
-            found = {
-                s.case: cost.step_for_violation(s.runs, target) for s in group if s.runs.violates
-            }
-            steps = [(c.h, case) for case, c in found.items() if c is not None and c.h > 0]
-            if steps:
-                h, case = min(steps)
-                of = f"{len(steps)} of {format_count(len(found), 'case')}"
-                reached.append(f"{solver} h = {format_number(h)} ({case}; {of})")
-            missed += [f"{solver} on {case}" for case, c in found.items() if c is None]
-        if reached:
-            tail = f"; not reached by {join_names(missed, 4)}" if missed else ""
-            yield (
-                f"Violation below {format_power(target)} on every case that reaches it: "
-                f"{', '.join(reached)}{tail}."
-            )
+    """Report the step that keeps the constraints on all cases, and the case that needs it.
+
+    Violations are parts of the length that a case has of its own; of cases without one, numbers.
+    """
+    lengths = {case: known.get("own_length") for case, known in data.cases.items()}
+    measured = [s for s in summaries.values() if s.runs.violates]
+    with_length = {(s.case, s.solver): s for s in measured if lengths.get(s.case)}
+    without = {(s.case, s.solver): s for s in measured if not lengths.get(s.case)}
+    for part in (1e-2, 1e-3):
+        for group, limit in (
+            (with_length, f"{100 * part:g} % of the diameter or stated size"),
+            (without, format_power(part)),
+        ):
+            yield from _largest_steps(group, lambda s: part * (lengths.get(s.case) or 1.0), limit)
+
+
+def _largest_steps(
+    summaries: Summaries, target: Callable[[Summary], float], limit: str
+) -> Iterator[str]:
+    """Report, in one sentence, the step of each method with violations of at most `target`."""
+    reached = []
+    missed = []
+    for solver, group in by_solver(summaries).items():
+        found = {s.case: cost.step_for_violation(s.runs, target(s)) for s in group}
+        steps = [(c.h, case) for case, c in found.items() if c is not None and c.h > 0]
+        if steps:
+            h, case = min(steps)
+            of = f"{len(steps)} of {format_count(len(found), 'case')}"
+            reached.append(f"{solver} h = {format_number(h)} ({case}; {of})")
+        missed += [f"{solver} on {case}" for case, c in found.items() if c is None]
+    if reached:
+        tail = f"; not reached by {join_names(missed, 4)}" if missed else ""
+        yield (
+            f"Violation below {limit} on every case that reaches it: {', '.join(reached)}{tail}."
+        )
 
 
 def _runs(summaries: Summaries) -> str:

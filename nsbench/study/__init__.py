@@ -27,7 +27,7 @@ from nsbench.case import Case
 from nsbench.study.attempt import run_batch
 from nsbench.study.describe import describe_case, describe_solver
 from nsbench.study.export import LATEX_COLUMNS, to_html, to_latex, to_xarray
-from nsbench.study.plan import Spec, hand_over, plan_runs, resolve
+from nsbench.study.plan import Spec, hand_over, plan_runs, resolve, starts_refused
 
 if TYPE_CHECKING:
     import pandas
@@ -112,12 +112,16 @@ def run(
     in this process.
 
     h, tol, k: accuracies that replace the standard ladders. The command line runs the same rows in
-    supervised workers with a journal.
+    supervised workers with a journal. Raises ValueError for a Case object whose start violates its
+    constraints under a policy that forbids it.
     """
     given = dict.fromkeys([cases] if isinstance(cases, (str, Case)) else cases)
     these = [(c.key, hand_over(c)) if isinstance(c, Case) else (c, "") for c in given]
     if len({key for key, _ in these}) < len(these):
         raise ValueError(f"two cases are named alike: {', '.join(sorted(key for key, _ in these))}")
+    refused = starts_refused(c for c in given if isinstance(c, Case))
+    if refused:
+        raise ValueError("; ".join(refused.values()))
     names = [solver_specs] if isinstance(solver_specs, str) else solver_specs
     given_values = {n: v for n, v in (("h", h), ("tol", tol), ("k", k)) if v is not None}
     values = {n: np.atleast_1d(np.asarray(v, float)).tolist() for n, v in given_values.items()}

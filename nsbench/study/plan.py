@@ -16,7 +16,7 @@ import numpy as np
 
 from nsbench import solvers, user_code
 from nsbench.case import SUITES, Case, case_module, case_names, get_case, load_case, parse_spec
-from nsbench.problem import LCS
+from nsbench.problem import LCS, Complementarity
 from nsbench.solvers.base import Solver, accuracy_unit
 
 SMOKE = ("tide", "sliding", "three_discs")  # cases of the smoke suite, if they name none themselves
@@ -113,6 +113,21 @@ def resolve(case: str, file: str = "", references: str = "") -> Case:
         built = load_case(file, **parse_spec(case)[1])
         return built.replace(references=references) if references else built
     return get_case(case)
+
+
+def starts_refused(cases: Iterable[Case]) -> dict[str, str]:
+    """Say why cases have no start, by key: every run of theirs would end with this sentence."""
+    from nsbench.dynamics.contacts.tolerances import scene_of
+    from nsbench.solvers.common.initial_state import initial_state
+
+    refused = {}
+    for case in cases:
+        if isinstance(case.problem, Complementarity):
+            try:
+                initial_state(case, scene_of(case))
+            except ValueError as e:
+                refused[case.key] = str(e)
+    return refused
 
 
 def plan_runs(

@@ -133,6 +133,19 @@ def test_seconds_are_compared_between_loops_of_one_kind_only():
     )
     coarse = speed.cost_at_error(runs((0.1, 0.05, 0.02, 0.01)), 0.5)
     assert speed.ratio_of_seconds(coarse, base) is None
+    assert speed.most_ratio_of_seconds(coarse, base) == coarse.seconds / base.seconds
+    assert speed.most_ratio_of_seconds(base, coarse) is None
+
+
+def test_a_method_better_than_the_error_in_every_run_is_compared_by_a_bound():
+    rows = [row("a", "pbd", float(h), state_sup=float(h), seconds=1e-3 / h) for h in STEPS]
+    known = {"accuracy": "tol", "loop": "compiled", "state_sup": 1e-12, "seconds": 0.05}
+    rows.append(row("a", "event_driven", 1e-12, **known))
+    found = speed.cost_at_error(data.read(rows).runs["a", "pbd"], 1e-2)
+    told = [s for s in speed.compare_speeds(data.read(rows)) if s.startswith("event_driven")]
+    factor = style.format_factor(0.05 / found.seconds)
+    assert len(told) == 1 and f"{factor} at 1e-2 (1 case)" in told[0]
+    assert "takes at most so many times the seconds of pbd" in told[0]
 
 
 @pytest.mark.parametrize("times, said", [(6.0, "was not seen"), (300.0, "was seen")])

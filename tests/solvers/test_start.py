@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
+import nsbench
 from nsbench import Affine, Case, Complementarity, Distance, Smooth, solvers
 from nsbench.dynamics.contacts.constraint_set import ConstraintSet
 from nsbench.qp import projection
@@ -280,3 +281,10 @@ def test_a_long_row_that_misses_everywhere_is_pulled_apart_to_its_end(spec, aske
     problem = Complementarity(lambda xp: lambda t, x: -0.1 * xp.ones_like(x), (rows,))
     case = Case("rods", problem, np.arange(many) * (1.0 - 5e-10), np.linspace(0.0, 1.0, 3))
     assert solvers.solve(case, spec, **asked).impulse[-1].max() == pytest.approx(25.0, abs=1e-9)
+
+
+def test_a_study_in_python_refuses_an_infeasible_start_before_its_runs(monkeypatch):
+    case = replace(heap(2, 0.1)[0], start="error", x0=np.array([0.0, 0.0, 0.5, 0.0]))
+    monkeypatch.setattr("nsbench.study.run_batch", lambda specs: pytest.fail("ran"))
+    with pytest.raises(ValueError, match="the start of heap violates constraint .* by 0.5"):
+        nsbench.run(case)

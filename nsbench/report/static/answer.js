@@ -23,7 +23,8 @@ const answer = {
     const data = nsbench.data;
     const cases = new Set();
     data.cases.forEach((one, k) => {
-      const text = [one.name, one.group, ...one.tags].join(" ").toLowerCase();
+      const about = document.querySelector(`[id="${one.id}"] .about`)?.textContent ?? "";
+      const text = [one.name, one.group, ...one.tags, about].join(" ").toLowerCase();
       const fits = words.filter(Boolean)
         .every((word) => text.includes(word) || answer.names(word, one.name));
       if (fits && (!group || one.group === group)) {

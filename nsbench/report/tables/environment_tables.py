@@ -115,9 +115,15 @@ def citation(env: dict, specs: Iterable[str] = ()) -> str:
   author  = {{{{the nsbench developers}}}},
   title   = {{nsbench: a test bench for Filippov and complementarity systems of first order}},
   version = {{{version_of(env) or UNKNOWN_VERSION}}},
-  note    = {{package {sanitise(env.get("package", "unknown"), 80)}}}
+{_year_of(env)}  note    = {{package {sanitise(env.get("package", "unknown"), 80)}}}
 }}
 {bibtex_of(specs)}"""
+
+
+def _year_of(env: dict) -> str:
+    """Write the BibTeX line of the year in which the runs were made; "" where it is not stored."""
+    year = sanitise(env.get("written") or "", 40)[:4]
+    return f"  year    = {{{year}}},\n" if year.isdigit() else ""
 
 
 def version_of(env: dict) -> str:
