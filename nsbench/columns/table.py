@@ -20,6 +20,10 @@ table is a column as well, without a unit and owned by the solver (`describe`).
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Mapping
+from types import MappingProxyType
+
 from nsbench.columns.column import Column
 from nsbench.columns.measured_columns import (
     ERROR_BARS,
@@ -50,9 +54,10 @@ TRANSPORT = ("read", "unlike")
 UNKNOWN = "counted by the method, which alone knows its meaning"
 
 
-def by_name() -> dict[str, Column]:
+@functools.cache
+def by_name() -> Mapping[str, Column]:
     """The columns of the table by their names, in its order."""
-    return {c.name: c for c in COLUMNS}
+    return MappingProxyType({c.name: c for c in COLUMNS})
 
 
 def names(*groups: str) -> tuple[str, ...]:

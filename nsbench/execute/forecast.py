@@ -1,9 +1,10 @@
 """Forecast of the time of runs, from rows of runs of the same kind.
 
-Seconds are a power of the accuracy, fitted to rows of the journal. Where a case and a solver have
-no rows, a few small runs are made within a limit of time (nsbench.execute.probe); where these are
-missing too, the solver's seconds per step and coordinate on other cases are taken; where it has
-none, those of all solvers.
+Seconds are carried from rows of the journal to other accuracies: by an equal part for each step, or
+by a power of tolerance or stiffness. Where a case and a solver have no rows, a few small runs are
+made within a limit of time (nsbench.execute.probe); where these are missing too, the solver's
+seconds of a run, and per step and coordinate, on other cases are taken; where it has none, those of
+all solvers.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from nsbench.measure import clock
+from nsbench.measure.cost_growth import grow_by_steps
 from nsbench.study import Spec
 from nsbench.study.plan import resolve
 
@@ -39,7 +41,7 @@ WORK_OF_PYTHON_STEP = 1e3
 # neighbours from which a power is fitted, so that a floor of the seconds far away does not flatten
 # it
 FITTED_NEIGHBOURS = 6
-ROWS_FOR_RATE = 3  # of each case and solver, from which seconds per work are taken
+RATES = (WORK_OF_RUN * SECONDS_PER_WORK, SECONDS_PER_WORK)  # where nothing at all is known
 SHORTEST = 1e-9  # seconds, in logarithms
 
 
@@ -71,7 +73,8 @@ class Forecast:
         self.known: dict[tuple[str, str], dict[str, list[_Timing]]] = defaultdict(
             lambda: defaultdict(list)
         )
-        self.rates: dict[str, list[float]] = defaultdict(list)  # seconds per work, by solver
+        # by solver, of each case: seconds of a run without steps, and seconds per work of its steps
+        self.rates: dict[str, list[tuple[float, float]]] = defaultdict(list)
         self.measuring: list[float] = []  # seconds of probes beside preparation and run
         for source, several in ((JOURNAL, rows), (PROBE, probed)):
             for row in several:
@@ -119,7 +122,7 @@ class Forecast:
         same = np.isclose(asked, spec.asked, rtol=1e-9, atol=0.0)
         if same.any():
             return float(np.median(seconds[same]))
-        return extrapolate_power_law(asked, seconds, spec.asked, spec.accuracy)
+        return extrapolate_seconds(asked, seconds, spec.asked, spec.accuracy)
 
     def compilation(self, solvers: Iterable[str]) -> float:
         """Forecast the seconds of compiling and loading: for each solver the longest so far.
@@ -133,23 +136,36 @@ class Forecast:
         return sum(longest[s] for s in {*solvers})
 
     def _guess(self, spec: Spec) -> float:
-        """Seconds by the work of the run, at the median rate of the solver or of all solvers."""
+        """Seconds by the work of the run, at the median rates of the solver or of all solvers."""
         if not self.rates:
             self._fill_rates()
-        rates = self.rates.get(spec.solver) or self.rates.get("") or [SECONDS_PER_WORK]
-        return float(np.median(rates)) * work(spec)
+        rates = self.rates.get(spec.solver) or self.rates.get("") or [RATES]
+        fixed, each = np.median(rates, axis=0)
+        return float(fixed + each * work_of_steps(spec))
 
     def _fill_rates(self) -> None:
+        """Fit seconds = fixed + each work to the rows of every case and solver."""
         for (case, solver), known in self.known.items():
             accuracy = _accuracy_of(solver)
             for timings in known.values():
-                for timing in timings[:ROWS_FOR_RATE]:
-                    try:
-                        w = work(Spec(case, solver, accuracy, timing.asked))
-                    except (LookupError, ValueError):  # a case of a file, or of another version
-                        continue
-                    self.rates[solver].append(timing.seconds / w)
-                    self.rates[""].append(timing.seconds / w)
+                try:
+                    done = [
+                        work_of_steps(Spec(case, solver, accuracy, t.asked)) for t in timings
+                    ]
+                except (LookupError, ValueError):  # a case of a file, or of another version
+                    continue
+                rates = _fit_rates(np.array(done), np.array([t.seconds for t in timings]))
+                self.rates[solver].append(rates)
+                self.rates[""].append(rates)
+
+
+def _fit_rates(done: np.ndarray, seconds: np.ndarray) -> tuple[float, float]:
+    """Fit seconds (m,) = fixed + each done (m,); neither is negative."""
+    least = int(np.argmin(done))
+    if np.ptp(done) == 0.0:
+        return 0.0, float(np.median(seconds)) / max(float(done[least]), 1.0)
+    each = max(0.0, float(np.polyfit(done, seconds, 1)[0]))
+    return max(0.0, float(seconds[least] - each * done[least])), each
 
 
 def _preparation(setup: float) -> float:
@@ -163,14 +179,15 @@ def seconds_with_repetitions(seconds: float, setup: float) -> float:
     return _preparation(setup) + seconds * (1 + (rounds if rounds > 1 else 0))
 
 
-def extrapolate_power_law(
+def extrapolate_seconds(
     asked: np.ndarray, seconds: np.ndarray, at: float, accuracy: str
 ) -> float:
     """Seconds at another accuracy.
 
-    Between known accuracies log(seconds) is interpolated linearly in log(accuracy); beyond them a
-    power is fitted to the nearest FITTED_NEIGHBOURS. Seconds rise with 1 / h, slower with 1 / tol,
-    and with k.
+    Between known accuracies log(seconds) is interpolated linearly in log(accuracy). Beyond them a
+    power is fitted to the nearest FITTED_NEIGHBOURS; seconds rise with 1 / h, slower with 1 / tol,
+    and with k. To finer steps each step takes an equal part, unless the power says that steps cost
+    more as they get shorter.
 
     asked, seconds: (m,), in any order; at: the accuracy wanted; accuracy: "h", "tol" or "k".
     """
@@ -186,23 +203,26 @@ def extrapolate_power_law(
     power = TYPICAL_POWER.get(accuracy, 1.0)
     if np.ptp(x[nearest]) > 0.0:
         power = sign * float(np.polyfit(x[nearest], y[nearest], 1)[0])
+    if below and accuracy == "h" and power <= 1.0:
+        h = asked[order][nearest][::-1]
+        return grow_by_steps(h, np.maximum(seconds[order][nearest][::-1], SHORTEST), at)
     power = sign * float(np.clip(power, 0.0, STEEPEST_POWER))
     edge = 0 if below else -1
     return float(np.exp(y[edge] + power * (target - x[edge])))
 
 
 def work(spec: Spec) -> float:
-    """Guess the work of a run, in steps of one coordinate; 0 for a refusal.
+    """Guess the work of a run, in steps of one coordinate; 0 for a refusal."""
+    return 0.0 if np.isnan(spec.asked) else WORK_OF_RUN + work_of_steps(spec)
 
-    Every run needs WORK_OF_RUN; its steps are known for "h", guessed for "k" and "tol".
-    """
-    if np.isnan(spec.asked):
-        return 0.0
+
+def work_of_steps(spec: Spec) -> float:
+    """Guess the work of the steps of a run: they are known for "h", guessed for "k" and "tol"."""
     case = resolve(spec.case, spec.file, spec.references)
     span = float(case.t[-1] - case.t[0])
     steps = {"h": span / spec.asked, "k": span * spec.asked / 3}.get(spec.accuracy, WORK_OF_EVENTS)
     in_python = WORK_OF_PYTHON_STEP if "backend=" in spec.solver else 0
-    return WORK_OF_RUN + steps * (case.n + in_python)
+    return steps * (case.n + in_python)
 
 
 def _accuracy_of(solver: str) -> str:

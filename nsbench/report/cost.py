@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench.measure.clock import LONG
+from nsbench.measure.cost_growth import grow_by_power, grow_by_steps
 from nsbench.measure.orders.fit import ENDS
 from nsbench.report.data import Data, Runs
 from nsbench.report.style import (
@@ -191,8 +192,8 @@ def expect_cost(summary: Summary, target: float) -> Cost | None:
     With an order p of a narrow interval [a, b], and the finest step h, the step
     h (target / e)^(1/a) reaches it: at the lower end, since a step by p itself misses the error in
     every second case. e is the largest error of the fine end, carried to h by p, since errors may
-    turn with the phase of the step. Seconds go on as a power of the step, as over the finer
-    half of the runs. None where a run reaches the error, no order is narrow, or the error is below
+    turn with the phase of the step. Seconds and work go on, as over the finer half of the runs, by
+    an equal part for each step, or as a power of 1/k. None where a run reaches the error, no order is narrow, or the error is below
     the reference's floor or what rounding allows.
     """
     runs = summary.runs
@@ -213,8 +214,9 @@ def expect_cost(summary: Summary, target: float) -> Cost | None:
     factor = (target / level) ** (1.0 / low)
     if not factor < 1.0:
         return None
-    # finer steps do not take less: that is noise of quick runs
-    grown = lambda values: float(values[-1] * factor ** min(0.0, _exponent(h, values)))
+    finer = slice(len(h) // 2, None)  # an iterative method may need fewer iterations in fine steps
+    grow = grow_by_steps if runs.accuracy == "h" else grow_by_power
+    grown = lambda values: grow(h[finer], values[finer], h[-1] * factor)
     return Cost(
         solver=runs.solver,
         loop=runs.loop,
@@ -225,16 +227,6 @@ def expect_cost(summary: Summary, target: float) -> Cost | None:
         at_most=False,
         is_extrapolated=True,
     )
-
-
-def _exponent(h: np.ndarray, values: np.ndarray) -> float:
-    """Return p of values ~ h^p over the finer half of steps h (k,); -1.0 where it is not known."""
-    half = slice(len(h) // 2, None)
-    use = np.isfinite(values[half]) & (values[half] > 0.0)
-    x = np.log(h[half][use])
-    if x.size < 2 or np.ptp(x) == 0.0:
-        return -1.0
-    return float(np.polyfit(x, np.log(values[half][use]), 1)[0])
 
 
 def format_extrapolated(cost: Cost) -> str:

@@ -130,7 +130,8 @@ class ScaledRun:
         """
         known = self.run_checks(traj)
         out = dataclasses.replace(converted, status=known.status)
-        return dataclasses.replace(out, bound=self._bars(out, known.pair))
+        bars = self._bars(out, known.pair)
+        return out if bars is out.bound else dataclasses.replace(out, bound=bars)
 
     def _pair(self, traj: Trajectory) -> ErrorBars:
         """Return error bars of a run in own units from one with a looser tolerance."""

@@ -35,9 +35,22 @@ METHODS = (
 
 
 @pytest.fixture
-def with_new(monkeypatch):
+def set_columns(monkeypatch):
+    """Sets the entries of the table for one test; the index of their names is made from them."""
+
+    def entries(columns):
+        monkeypatch.setattr(table, "COLUMNS", columns)
+        table.by_name.cache_clear()
+
+    yield entries
+    monkeypatch.undo()
+    table.by_name.cache_clear()
+
+
+@pytest.fixture
+def with_new(set_columns):
     """One entry more in the table, and no other edit."""
-    monkeypatch.setattr(table, "COLUMNS", (*table.COLUMNS, NEW))
+    set_columns((*table.COLUMNS, NEW))
 
 
 def rows_with(**more):
@@ -110,18 +123,18 @@ def test_a_new_entry_is_everywhere_without_another_edit(with_new, tmp_path, caps
     assert "state_rms" in columns.reserved_names()
 
 
-def test_what_is_not_an_entry_any_more_is_gone_from_the_errors(monkeypatch):
+def test_what_is_not_an_entry_any_more_is_gone_from_the_errors(set_columns):
     """The mirror of the test above: the errors take their names from the table."""
     fewer = tuple(c for c in table.COLUMNS if c.name != "set_distance")
-    monkeypatch.setattr(table, "COLUMNS", fewer)
+    set_columns(fewer)
     case = nsbench.get_case("tide")
     assert "set_distance" not in nsbench.errors(case, nsbench.solve(case, "pbd", h=0.1))
 
 
-def test_a_new_residual_is_an_entry_and_a_computation(monkeypatch):
+def test_a_new_residual_is_an_entry_and_a_computation(set_columns, monkeypatch):
     """The entry alone brings the column, without a value until one is computed."""
     new = dataclasses.replace(NEW, name="energy", group="residual", label="energy balance")
-    monkeypatch.setattr(table, "COLUMNS", (*table.COLUMNS, new))
+    set_columns((*table.COLUMNS, new))
     case = nsbench.get_case("tide")
     run = nsbench.solve(case, "pbd", h=0.1)
     assert np.isnan(nsbench.errors(case, run)["energy"])

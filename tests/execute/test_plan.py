@@ -188,6 +188,17 @@ def test_seconds_follow_a_power_that_is_fitted(accuracy, power):
     )
 
 
+def test_the_part_of_a_run_that_has_no_steps_is_told_apart():
+    """1 ms and 1 us a step: finer steps, and another case of the same length, from two runs."""
+    seconds = lambda h: 1e-3 + 1e-6 / h
+    forecast = Forecast([row(h, seconds(h)) for h in (1e-2, 3e-3)])
+    assert forecast.seconds(Spec("tide", "pbd", "h", 1e-5)) == pytest.approx(seconds(1e-5))
+    apple = nsbench.get_case("apple")
+    span = (apple.t[-1] - apple.t[0]) / np.ptp(nsbench.get_case("tide").t)
+    guess = forecast.seconds(Spec("apple", "pbd", "h", 1e-5))
+    assert guess == pytest.approx(1e-3 + 1e-6 * span * apple.n * 1e5, rel=1e-6)
+
+
 def test_what_is_not_known_is_taken_from_elsewhere_and_said_to_be():
     forecast = Forecast([row(1e-2, 3.0)])
     near, other = (forecast.cost(Spec(case, "pbd", "h", 1e-2)) for case in ("tide", "apple"))

@@ -30,6 +30,14 @@ def test_an_error_beyond_the_ladder_has_an_extrapolated_step():
     assert speed.extrapolate_cost(wild, 0.03 * finest) is None or wild.state.verdict == "order"
 
 
+def test_the_part_of_a_run_that_has_no_steps_is_not_carried_on():
+    """1 ms and 1 us a step, seen where the first is the larger: a power law of these runs has the
+    exponent 0.3, and three decades on a ninth of the seconds."""
+    rows = [row("a", "pbd", float(h), state_sup=float(h), seconds=1e-3 + 1e-6 / h) for h in STEPS]
+    cost = speed.extrapolate_cost(summaries(rows)["a", "pbd"], 1e-3 * min(STEPS))
+    assert cost.seconds == pytest.approx(1e-3 + 1e-6 / cost.h, rel=1e-3)
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_an_extrapolated_step_keeps_the_error_though_the_ladder_scatters(seed):
     """A step by the fitted order, from the finest error alone, misses it in every second case."""

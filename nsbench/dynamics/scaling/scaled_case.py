@@ -68,8 +68,8 @@ class ScaledCase:
 
     def restored(self, traj: Trajectory, times: np.ndarray) -> Trajectory:
         """Return a trajectory of the scaled case in the user's units; times (k,): the samples."""
-        out = self._converted(traj, self._to_user, self.time, self.state)
-        return dataclasses.replace(out, t=times if len(traj.t) == len(times) else out.t)
+        exact = times if len(traj.t) == len(times) else None
+        return self._converted(traj, self._to_user, self.time, self.state, exact)
 
     def _to_own(self, t):
         return (t - self.origin) / self.time
@@ -77,7 +77,7 @@ class ScaledCase:
     def _to_user(self, t):
         return self.origin + self.time * t
 
-    def _converted(self, traj, instant, time, state):
+    def _converted(self, traj, instant, time, state, times=None):
         up = time == self.time
         multiplier = self.multiplier if up else 1.0 / self.multiplier
         impulse = self.impulse if up else 1.0 / self.impulse
@@ -85,7 +85,7 @@ class ScaledCase:
         resolution = traj.resolution
         return dataclasses.replace(
             traj,
-            t=instant(traj.t),
+            t=instant(traj.t) if times is None else times,
             x=traj.x * state,
             impulse=traj.impulse * impulse,
             reaction=traj.reaction * state if traj.reaction.size else traj.reaction,
@@ -106,14 +106,11 @@ INSTANTS = ("accumulation",)  # columns of times that are no lengths of time
 
 def _converted_stats(stats: dict, instant, time: float, length: float) -> dict:
     """Return the counted work of a run with its times and lengths in other units."""
-    units = {name: column.unit for name, column in by_name().items()}
+    known = by_name()
     factor = {"time": time, "state": length}
+    factors = {k: factor.get(known[k].unit, 1.0) if k in known else 1.0 for k in stats}
     return {
-        k: float(instant(v))
-        if k in INSTANTS
-        else v * factor[units[k]]
-        if units.get(k) in factor and isinstance(v, float)
-        else v
+        k: float(instant(v)) if k in INSTANTS else v * factors[k] if isinstance(v, float) else v
         for k, v in stats.items()
     }
 
