@@ -214,7 +214,8 @@ def expect_cost(summary: Summary, target: float) -> Cost | None:
     factor = (target / level) ** (1.0 / low)
     if not factor < 1.0:
         return None
-    finer = slice(len(h) // 2, None)  # an iterative method may need fewer iterations in fine steps
+    # an iterative method may need fewer iterations in fine steps
+    finer = slice(len(h) // 2, None)
     grow = grow_by_steps if runs.accuracy == "h" else grow_by_power
     grown = lambda values: grow(h[finer], values[finer], h[-1] * factor)
     return Cost(
