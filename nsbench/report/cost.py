@@ -193,8 +193,8 @@ def expect_cost(summary: Summary, target: float) -> Cost | None:
     h (target / e)^(1/a) reaches it: at the lower end, since a step by p itself misses the error in
     every second case. e is the largest error of the fine end, carried to h by p, since errors may
     turn with the phase of the step. Seconds and work go on, as over the finer half of the runs, by
-    an equal part for each step, or as a power of 1/k. None where a run reaches the error, no order is narrow, or the error is below
-    the reference's floor or what rounding allows.
+    an equal part for each step, or as a power of 1/k. None where a run reaches the error, no order
+    is narrow, or the error is below the reference's floor or what rounding allows.
     """
     runs = summary.runs
     order = summary.state
