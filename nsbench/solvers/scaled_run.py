@@ -27,6 +27,7 @@ from nsbench.trajectory import Status, Trajectory
 # A coordinate that stays below its estimated size by more than this factor loses digits to a
 # tolerance that is relative to that size: the run is made again with the sizes that were found.
 TOO_LARGE = 16.0
+COMPARED = tuple(f.name for f in dataclasses.fields(Trajectory) if f.compare)
 AT_REST = 2.0**-40  # of its estimated size: a coordinate that stays below is zero but for rounding
 
 
@@ -129,7 +130,8 @@ class ScaledRun:
         traj: in the units that the method works in.
         """
         known = self.run_checks(traj)
-        out = dataclasses.replace(converted, status=known.status)
+        is_known = converted.status == known.status
+        out = converted if is_known else dataclasses.replace(converted, status=known.status)
         bars = self._bars(out, known.pair)
         return out if bars is out.bound else dataclasses.replace(out, bound=bars)
 
@@ -171,8 +173,7 @@ class ScaledRun:
 
 def is_same_run(one: Trajectory, other: Trajectory) -> bool:
     """Are all fields of two trajectories equal, arrays bit for bit?"""
-    names = [f.name for f in dataclasses.fields(Trajectory) if f.compare]
-    return all(_is_same(getattr(one, n), getattr(other, n)) for n in names)
+    return all(_is_same(getattr(one, name), getattr(other, name)) for name in COMPARED)
 
 
 def _is_same(a: object, b: object) -> bool:

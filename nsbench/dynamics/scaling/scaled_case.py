@@ -22,7 +22,7 @@ from nsbench.columns import by_name
 from nsbench.compilation.factories import Scaling
 from nsbench.dynamics.scaling.estimate import case_scale, power_of_two, switch_sizes
 from nsbench.problem import LCS, Affine, Complementarity, Distance, Filippov, Hybrid, Smooth
-from nsbench.trajectory import Event, Trajectory
+from nsbench.trajectory import Event, Resolution, Trajectory
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,29 +90,37 @@ class ScaledCase:
             impulse=traj.impulse * impulse,
             reaction=traj.reaction * state if traj.reaction.size else traj.reaction,
             events=tuple(Event(float(instant(e.t)), e.kind, e.contact) for e in traj.events),
-            stats=_converted_stats(traj.stats, instant, time, float(np.max(state))),
+            stats=_converted_stats(traj.stats, instant, time, float(state.max())),
             lam=None if traj.lam is None else traj.lam * multiplier,
             lam_h=None if traj.lam_h is None else traj.lam_h * time,
             between=between and (instant(between[0]), between[1] * state, between[2] * impulse),
-            resolution=resolution
-            and dataclasses.replace(
-                resolution, step=resolution.step * time, stiffness=resolution.stiffness / time
-            ),
+            resolution=resolution and _converted_resolution(resolution, time),
         )
 
 
 INSTANTS = ("accumulation",)  # columns of times that are no lengths of time
 
 
+def _converted_resolution(resolution: Resolution, time: float) -> Resolution:
+    """Return what a method resolves with its times in other units."""
+    if resolution.step == resolution.stiffness == 0.0:
+        return resolution
+    return dataclasses.replace(
+        resolution, step=resolution.step * time, stiffness=resolution.stiffness / time
+    )
+
+
 def _converted_stats(stats: dict, instant, time: float, length: float) -> dict:
     """Return the counted work of a run with its times and lengths in other units."""
     known = by_name()
     factor = {"time": time, "state": length}
-    factors = {k: factor.get(known[k].unit, 1.0) if k in known else 1.0 for k in stats}
-    return {
-        k: float(instant(v)) if k in INSTANTS else v * factors[k] if isinstance(v, float) else v
-        for k, v in stats.items()
-    }
+    out = dict(stats)
+    for name, value in stats.items():
+        if name in INSTANTS:
+            out[name] = float(instant(value))
+        elif name in known and known[name].unit in factor and isinstance(value, float):
+            out[name] = value * factor[known[name].unit]
+    return out
 
 
 @functools.lru_cache(maxsize=64)

@@ -60,7 +60,7 @@ def returned_violation(case: Case, traj: object) -> str:
         )
     if not traj.status.ok:
         return ""
-    if not np.array_equal(traj.t, case.t):
+    if traj.t is not case.t and not np.array_equal(traj.t, case.t):
         return (
             f"The solver says ok, but its {np.size(traj.t)} times are not those of the case, "
             f"{len(case.t)} up to "
@@ -71,6 +71,8 @@ def returned_violation(case: Case, traj: object) -> str:
 
 def _is_like_a_tuple(value: object) -> bool:
     """Is the value a sequence that nothing changes: a tuple, or ids of contacts in an array?"""
+    if type(value) is tuple:
+        return True
     is_sequence = isinstance(value, Sequence) and not isinstance(value, str | bytes)
     return is_sequence and isinstance(value, Hashable)
 
@@ -80,6 +82,8 @@ def _infinite_counts(stats: dict) -> list[str]:
     infinite = []
     columns = by_name()
     for name, value in stats.items():
+        if type(value) is int and abs(value) <= sys.maxsize:  # of most counts
+            continue
         if name not in columns or columns[name].kind not in ("count", "flag"):
             continue
         if isinstance(value, (int, float, np.floating)) and not abs(value) <= sys.float_info.max:
