@@ -155,7 +155,18 @@ def test_a_case_is_found_by_some_of_its_parameters(page):
         page.fill("#answer-words", word)
         assert page.locator("#t-answer-cases tbody tr").count() == found
     page.fill("#answer-words", "discs[n=3]")
-    assert page.inner_text("#answer-sentence") == "No case matches."
+    assert page.inner_text("#answer-sentence") == "No case has “discs[n=3]”."
+
+
+def test_a_case_is_found_by_the_words_of_its_text(page):
+    """Its name has none of them; a word that no case has is named, and none is for two cases."""
+    said = page.locator("article .about").first.text_content().lower().split()
+    name = page.locator("article h3").first.inner_text()
+    word = next(w for w in said if w.isalpha() and len(w) > 4 and w not in name)
+    page.fill("#answer-words", f"{name} {word}")
+    assert name in page.locator("#t-answer-cases tbody").inner_text()
+    page.fill("#answer-words", f"{word} plesiosaur")
+    assert page.inner_text("#answer-sentence") == "No case has “plesiosaur”."
 
 
 def test_error_bars_stand_over_the_errors_of_their_runs(page):

@@ -16,17 +16,25 @@ const answer = {
       && asked[2].split(",").every((parameter) => given.includes(parameter));
   },
 
+  words() {
+    return document.getElementById("answer-words").value.toLowerCase().split(/\s+/).filter(Boolean);
+  },
+
+  // Does a case have a word in its name, class, tags or text?
+  has(one, word) {
+    const about = document.querySelector(`[id="${one.id}"] .about`)?.textContent ?? "";
+    const text = [one.name, one.group, ...one.tags, about].join(" ").toLowerCase();
+    return text.includes(word) || answer.names(word, one.name);
+  },
+
   // Pairs of the cases chosen by class and words.
   selection() {
     const group = document.getElementById("answer-group").value;
-    const words = document.getElementById("answer-words").value.toLowerCase().split(/\s+/);
+    const words = answer.words();
     const data = nsbench.data;
     const cases = new Set();
     data.cases.forEach((one, k) => {
-      const about = document.querySelector(`[id="${one.id}"] .about`)?.textContent ?? "";
-      const text = [one.name, one.group, ...one.tags, about].join(" ").toLowerCase();
-      const fits = words.filter(Boolean)
-        .every((word) => text.includes(word) || answer.names(word, one.name));
+      const fits = words.every((word) => answer.has(one, word));
       if (fits && (!group || one.group === group)) {
         cases.add(k);
       }
@@ -153,7 +161,10 @@ const answer = {
     const target = document.getElementById("answer-sentence");
     const first = rows.find((row) => row.timed);
     if (!cases.length) {
-      target.textContent = "No case matches.";
+      const { cases: every } = nsbench.data;
+      const unknown = answer.words().filter((word) => !every.some((one) => answer.has(one, word)));
+      const all = unknown.map((word) => `“${word}”`).join(" or ");
+      target.textContent = unknown.length ? `No case has ${all}.` : "No case has all of this.";
       return;
     }
     if (cases.length === 1) {
