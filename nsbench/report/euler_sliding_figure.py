@@ -99,8 +99,8 @@ def describe_euler_sliding_figure(data: Data) -> str:
         parts.append(f"{name} Euler {distances}")
     return (
         "Two fields point at one surface, and the solution slides along it: explicit Euler crosses "
-        "the surface to and fro, in proportion to its step, implicit Euler stays on it. Largest distance "
-        f"from the exact path (dashed): {'; '.join(parts)}."
+        "the surface to and fro, in proportion to its step, implicit Euler stays on it. Largest "
+        f"distance from the exact path (dashed): {'; '.join(parts)}."
     )
 
 
