@@ -11,6 +11,7 @@ import csv
 from dataclasses import dataclass
 from pathlib import Path
 
+from nsbench.report.claims import find_expectation
 from nsbench.report.data import Data
 from nsbench.report.style import format_number
 from nsbench.report.summary import CLAIM_TOLERANCE, OPEN, Order, Summary
@@ -59,25 +60,6 @@ def read_deviations(path: Path = TABLE) -> dict[tuple[str, str, str], tuple[str,
                 raise ValueError(f"{path.name}, line {k}: {key} stands there twice")
             out[key] = row["observed"], row["why"]
     return out
-
-
-def find_expectation(case: dict, solver: dict) -> dict:
-    """Find what is expected, from the stored descriptions of a case and a solver.
-
-    Returns a dict with state, impulse and why. A value is None (nothing is claimed), an order,
-    ("bound", error), or a word: "exact", "plateau", "diverges", "open", "refused" or another
-    status.
-    """
-    classes = set(case.get("classes") or ())
-    for e in solver.get("expects") or ():
-        if set(e["when"]) <= classes:
-            return e
-    claims = solver.get("claims") or {}
-    bound = claims.get("exact")
-    why = "the method's claim"
-    if bound is not None:
-        return {"state": ("bound", bound), "impulse": None, "why": why}
-    return {"state": claims.get("state"), "impulse": claims.get("impulse"), "why": why}
 
 
 def judge_expectations(

@@ -16,17 +16,11 @@ import numpy as np
 from nsbench.measure.compared_multiplier import NEARLY
 from nsbench.report.answers.best_method import TARGET, best_at
 from nsbench.report.answers.multipliers import NOT_KNOWN, tell_least_error, tell_order
+from nsbench.report.claims import claims_on, rounding_span
 from nsbench.report.cost import format_setting
 from nsbench.report.data import Data, Runs
 from nsbench.report.style import format_count, format_timing
-from nsbench.report.summary import (
-    Order,
-    Summary,
-    estimate_order,
-    rounding_span,
-    stored_claims,
-    summarise,
-)
+from nsbench.report.summary import Order, Summary, estimate_order, summarise
 from nsbench.trajectory import NO_FAILURE
 
 MAX_LINES = 10
@@ -115,7 +109,7 @@ def _order(data: Data, runs: Runs, metric: str) -> Order:
     from nsbench.measure import fit_order
 
     fit = functools.partial(fit_order, span=rounding_span(data, runs.case, runs.solver))
-    return estimate_order(runs, metric, stored_claims(data, runs.solver), fit)
+    return estimate_order(runs, metric, claims_on(data, runs.case, runs.solver), fit)
 
 
 def format_overview(data: Data) -> list[str]:

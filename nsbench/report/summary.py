@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench.columns import RELATIVE, describe
-from nsbench.report.claims import rounding_span, stored_claims
+from nsbench.report.claims import claims_on, rounding_span
 from nsbench.report.data import GOOD, Data, Runs
 from nsbench.report.style import format_count, format_number, sanitise
 
@@ -96,7 +96,7 @@ def summarise(data: Data) -> dict[tuple[str, str], Summary]:
     by_reaction = {case for (case, _), r in data.runs.items() if r.compared == "reaction"}
     out = {}
     for (case, solver), runs in data.runs.items():
-        claims = stored_claims(data, solver)
+        claims = claims_on(data, case, solver)
         force = "reaction" if case in by_reaction else "impulse"
         statuses = Counter(runs.col["status"].tolist())
         fit = functools.partial(fit_order, span=rounding_span(data, case, solver))

@@ -23,12 +23,7 @@ from nsbench.report.answers.grouping import (
 )
 from nsbench.report.answers.multipliers import judge_multipliers
 from nsbench.report.data import Data
-from nsbench.report.expectations import (
-    find_expectation,
-    judge_expectations,
-    new_deviations,
-    resolved_deviations,
-)
+from nsbench.report.expectations import judge_expectations, new_deviations, resolved_deviations
 from nsbench.report.style import (
     format_count,
     format_number,
@@ -112,15 +107,13 @@ def _unexpected(found) -> list[Statement]:
 def _orders(data: Data, summaries: Summaries) -> Iterator[str]:
     """Report state orders: as claimed, off the claim, bounds, and where there is no verdict."""
     pairs = [(s, s.state) for s in summaries.values() if s.word == "ok"]
-    claimed = {key for key, s in summaries.items() if _claims_order(data, s)}
-    off = lambda s, o, word: o.kind == "fit" and o.flag == word and (s.case, s.solver) in claimed
     yield from _orders_as_claimed(by_solver(summaries))
     for head, test in (
-        ("Below the claim", lambda s, o: off(s, o, "below")),
-        ("Above the claim", lambda s, o: off(s, o, "above")),
-        ("A limit of its own, or none", lambda s, o: o.verdict in LEVELS and not o.flag),
+        ("Below the claim", lambda o: o.kind == "fit" and o.flag == "below"),
+        ("Above the claim", lambda o: o.kind == "fit" and o.flag == "above"),
+        ("A limit of its own, or none", lambda o: o.verdict in LEVELS and not o.flag),
     ):
-        found = [(s, o) for s, o in pairs if test(s, o)]
+        found = [(s, o) for s, o in pairs if test(o)]
         if found:
             yield f"{head}: {join_pairs(found, describe_order)}."
     for name, group in by_solver(summaries).items():
@@ -143,7 +136,9 @@ def _orders_as_claimed(solvers: dict[str, list[Summary]]) -> Iterator[str]:
         for name, group in solvers.items()
     }
     claiming = {
-        name: orders for name, orders in fits.items() if orders and orders[0].claim is not None
+        name: found
+        for name, orders in fits.items()
+        if (found := [o for o in orders if o.claim is not None])
     }
     as_claimed = {
         name: orders for name, orders in claiming.items() if not any(o.flag for o in orders)
@@ -164,11 +159,11 @@ def _orders_as_claimed(solvers: dict[str, list[Summary]]) -> Iterator[str]:
         if name not in as_claimed
     ]
     if some:
-        yield f"As claimed on some cases, the others below: {'; '.join(some)}."
+        yield f"As claimed on some cases, the others below or above: {'; '.join(some)}."
     free = [
         f"{name} {spread(orders)}"
         for name, orders in fits.items()
-        if orders and orders[0].claim is None
+        if orders and name not in claiming
     ]
     if free:
         yield f"State order where none is claimed: {'; '.join(free)}."
@@ -207,12 +202,6 @@ def _references_itself(data: Data, s: Summary) -> bool:
     stored = data.cases.get(s.case, {})
     how = str((stored.get("certificate") or {}).get("how", ""))
     return stored.get("reference") == "stored" and how.startswith(f"{s.solver} at ")
-
-
-def _claims_order(data: Data, s: Summary) -> bool:
-    """Does the method claim an order on this case, by what it expects of the case's classes?"""
-    known = find_expectation(data.cases.get(s.case, {}), data.solvers.get(s.solver, {}))
-    return isinstance(known["state"], (int, float))
 
 
 def _violations(data: Data, summaries: Summaries) -> Iterator[str]:

@@ -22,6 +22,7 @@ SOLVERS = {
             {"when": ["exact_at_grid"], "state": "exact", "impulse": "exact", "why": "constant"},
             {"when": ["zeno"], "state": "chatter", "impulse": None, "why": "Zeno"},
             {"when": ["filippov"], "state": "refused", "impulse": None, "why": "no constraint"},
+            {"when": ["constant_force"], "state": "open", "impulse": "open", "why": "no expansion"},
         ],
     }
 }
@@ -171,3 +172,11 @@ def test_errors_below_ten_times_the_bound_are_not_printed():
         reliability_tables.bounds_table(data, summary.summarise(data)).rows[0].cells[2].text
         == "< 1e-11"
     )
+
+
+@pytest.mark.parametrize("classes, flag", [((), "above"), (("constant_force",), "")])
+def test_an_order_is_not_off_a_claim_where_none_is_made(classes, flag):
+    data, found = study(lambda h: h**2, classes)
+    assert found["a", "pbd"].state.flag == flag
+    said = " ".join(text for s in verdict.write_verdict(data, found) for text in s.sentences)
+    assert ("Above the claim: pbd on a" in said) == bool(flag)

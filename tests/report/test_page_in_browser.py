@@ -151,7 +151,8 @@ def test_an_error_below_the_floor_of_its_reference_is_said_to_be_below_it(page):
 
 def test_a_case_is_found_by_some_of_its_parameters(page):
     """The cases are discs[n=30,seed=0] and discs[n=30,seed=1], among others."""
-    for word, found in (("discs[n=30]", 2), ("discs[seed=1]", 1), ("discs[seed=1,n=30]", 1)):
+    words = {"discs[n=30]": 2, "discs[seed=1]": 1, "discs[seed=1,n=30]": 1, "30 discs": 2}
+    for word, found in words.items():
         page.fill("#answer-words", word)
         assert page.locator("#t-answer-cases tbody tr").count() == found
     page.fill("#answer-words", "discs[n=3]")

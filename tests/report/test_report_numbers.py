@@ -137,17 +137,6 @@ def test_seconds_are_compared_between_loops_of_one_kind_only():
     assert speed.most_ratio_of_seconds(base, coarse) is None
 
 
-def test_a_method_better_than_the_error_in_every_run_is_compared_by_a_bound():
-    rows = [row("a", "pbd", float(h), state_sup=float(h), seconds=1e-3 / h) for h in STEPS]
-    known = {"accuracy": "tol", "loop": "compiled", "state_sup": 1e-12, "seconds": 0.05}
-    rows.append(row("a", "event_driven", 1e-12, **known))
-    found = speed.cost_at_error(data.read(rows).runs["a", "pbd"], 1e-2)
-    told = [s for s in speed.compare_speeds(data.read(rows)) if s.startswith("event_driven")]
-    factor = style.format_factor(0.05 / found.seconds)
-    assert len(told) == 1 and f"{factor} at 1e-2 (1 case)" in told[0]
-    assert "takes at most so many times the seconds of pbd" in told[0]
-
-
 @pytest.mark.parametrize("times, said", [(6.0, "was not seen"), (300.0, "was seen")])
 def test_the_factor_of_100_is_computed_from_the_rows(times, said):
     rows = []
@@ -404,4 +393,4 @@ def test_methods_that_are_as_claimed_on_some_cases_only_are_told():
         for h in STEPS
     ]
     said = told("Which orders", rows)
-    assert "As claimed on some cases, the others below: pbd 1 on 2 of 3 cases." in said
+    assert "As claimed on some cases, the others below or above: pbd 1 on 2 of 3 cases." in said

@@ -234,3 +234,15 @@ def test_the_best_are_counted_by_one_rule_everywhere(loop):
     counted = {line.solver: line.cells[1].small for line in lines}
     assert counted == {"pbd": "cheapest on 1", "euler": "cheapest on 1"}
     assert [line.best for line in overview.overview(data)] == ["pbd", "euler"]
+
+
+def test_a_method_better_than_the_error_in_every_run_is_compared_by_a_bound():
+    made = [row("a", "pbd", float(h), state_sup=float(h), seconds=1e-3 / h) for h in STEPS]
+    known = {"accuracy": "tol", "loop": "compiled", "state_sup": 1e-12, "seconds": 0.05}
+    made.append(row("a", "event_driven", 1e-12, **known))
+    data = source.read(made)
+    found = cost.cost_at_error(data.runs["a", "pbd"], 1e-2)
+    told = [s for s in cost.compare_speeds(data) if s.startswith("event_driven")]
+    factor = style.format_factor(0.05 / found.seconds)
+    assert len(told) == 1 and f"{factor} at 1e-2 (1 case)" in told[0]
+    assert "takes at most so many times the seconds of pbd" in told[0]

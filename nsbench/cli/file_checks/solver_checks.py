@@ -16,7 +16,7 @@ from nsbench import solvers
 from nsbench.case import Case, get_case
 from nsbench.measure import errors, fit_order
 from nsbench.reference import canonical, columns_of, listed_contacts, reference, spread
-from nsbench.report.expectations import find_expectation
+from nsbench.report.claims import find_expectation
 from nsbench.solvers.base import Solver, default_accuracy
 from nsbench.solvers.scaled_run import ScaledRun
 from nsbench.study.describe import describe_case, describe_solver

@@ -53,7 +53,8 @@ def _one(best: Best) -> str:
     if not best.reached:
         needs = cost.format_extrapolated(best.cost)
         return f"reached by no run; best by its order is {best.cost.solver}, which {needs}"
-    setting = f"{cost.format_setting(best.cost)}, {format_seconds(best.cost.seconds)}"
+    bound = "≤ " if best.cost.at_most else ""
+    setting = f"{cost.format_setting(best.cost)}, {bound}{format_seconds(best.cost.seconds)}"
     setting += ", host loop" if best.cost.loop == "host" else ""
     tail = ""
     if best.further is not None:

@@ -24,7 +24,9 @@ const answer = {
   has(one, word) {
     const about = document.querySelector(`[id="${one.id}"] .about`)?.textContent ?? "";
     const text = [one.name, one.group, ...one.tags, about].join(" ").toLowerCase();
-    return text.includes(word) || answer.names(word, one.name);
+    // a number is the value of a parameter: 30 of discs[n=30,seed=0]
+    return /^[\d.]+$/.test(word) ? one.name.split(/[[\],=]/).includes(word)
+      : text.includes(word) || answer.names(word, one.name);
   },
 
   // Pairs of the cases chosen by class and words.
@@ -212,7 +214,8 @@ const answer = {
     const setting = answer.setting({ steps: [pair.cost[k][3]], accuracy: pair.accuracy });
     const hosted = pair.loop === "host" ? ", host loop" : "";
     const known = pair.cost[k][0];
-    const seconds = known === null ? "" : `, ${nsbench.seconds(known)}${hosted}`;
+    const bound = pair.cost[k][4] ? "≤ " : "";
+    const seconds = known === null ? "" : `, ${bound}${nsbench.seconds(known)}${hosted}`;
     target.replaceChildren(`For an error of ${label} the cheapest is `, chip,
       ` (${setting}${seconds}).`);
   },

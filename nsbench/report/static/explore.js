@@ -243,6 +243,7 @@ const explore = {
             explore.error(pair.state[k], pair.floors.state),
             explore.error(pair.force[k], pair.floors.force), nsbench.format(pair.violation[k])];
           const cells = texts.map((text) => nsbench.make("td", { class: "number" }, text));
+          cells[0].title = `${pair.accuracy} = ${pair.h[k]}`; // in full, to repeat the run
           cells.at(-1).append(...(part ? [nsbench.make("small", {}, part)] : []));
           cells.push(nsbench.make("td", { class: "number" }, nsbench.seconds(pair.seconds[k])));
           const bar = nsbench.barText(pair.bars.state?.[k]);
