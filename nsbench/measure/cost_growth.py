@@ -15,26 +15,40 @@ import numpy as np
 def grow_by_steps(h: np.ndarray, values: np.ndarray, to: float) -> float:
     """Carry values (k,) = a + b/h of steps h (k,), coarsest first, from the last one to `to`.
 
-    b is fitted by least squares to 1/h, which weighs the finest steps most. Values do not fall with
-    finer steps: that is noise of quick runs. Where b is not known, they grow like 1/h.
+    Values do not fall with finer steps: that is noise of quick runs. Where b is not known, they
+    grow like 1/h.
     """
     known = np.isfinite(values)
     steps = 1.0 / h[known]
-    if steps.size < 2 or np.ptp(steps) == 0.0:
+    one = median_slope(steps, values[known])
+    if np.isnan(one):
         return float(values[-1] * h[-1] / to)
-    one = float(np.polyfit(steps, values[known], 1)[0])
-    return float(values[-1] + max(one, 0.0) * (1.0 / to - 1.0 / h[-1]))
+    one = max(one, 0.0)
+    return float(np.median(values[known] - one * steps) + one / to)
 
 
 def grow_by_power(h: np.ndarray, values: np.ndarray, to: float) -> float:
-    """Carry values (k,) ~ h^p from the last of h (k,) to `to`, with p fitted, at most 0."""
-    return float(values[-1] * (to / h[-1]) ** min(0.0, exponent(h, values)))
-
-
-def exponent(h: np.ndarray, values: np.ndarray) -> float:
-    """Return p of values ~ h^p, fitted to steps h (k,); -1.0 where it is not known."""
+    """Carry values (k,) ~ h^p to `to`; p is not above 0, and -1 where it is not known."""
     use = np.isfinite(values) & (values > 0.0)
     x = np.log(h[use])
-    if x.size < 2 or math.isclose(np.ptp(x), 0.0):
-        return -1.0
-    return float(np.polyfit(x, np.log(values[use]), 1)[0])
+    y = np.log(values[use])
+    p = median_slope(x, y)
+    if np.isnan(p):
+        return float(values[-1] * h[-1] / to)
+    p = min(0.0, p)
+    return float(np.exp(np.median(y - p * x) + p * np.log(to)))
+
+
+def median_slope(x: np.ndarray, y: np.ndarray) -> float:
+    """Return the median slope of all pairs of points (k,), which one slow timing does not turn; NaN
+    for fewer than two places x.
+
+    Source: Sen, Estimates of the regression coefficient based on Kendall's tau, J. Amer. Statist.
+    Assoc. 63 (1968).
+    """
+    first, second = np.triu_indices(x.size, 1)
+    run = x[second] - x[first]
+    apart = np.abs(run) > 1e-12 * np.abs(x[first])
+    if not apart.any():
+        return math.nan
+    return float(np.median((y[second] - y[first])[apart] / run[apart]))

@@ -23,7 +23,8 @@ def test_an_error_beyond_the_ladder_has_an_extrapolated_step():
     assert speed.extrapolate_cost(found, 3.1 * finest) is None  # a run reaches it
     quick = [r | {"seconds": r["h"]} for r in rows]  # noise: the finest run took the least
     noisy = speed.extrapolate_cost(summary.summarise(data.read(quick))["a", "pbd"], 0.03 * finest)
-    assert noisy.seconds == finest
+    finer = sorted(STEPS)[: (len(STEPS) + 1) // 2]
+    assert noisy.seconds == pytest.approx(np.median(finer))
     assert speed.extrapolate_cost(found, 1e-14) is None  # rounding does not allow it
     rows[-1]["state_sup"] = 50.0 * rows[-1]["state_sup"]
     wild = summary.summarise(data.read(rows))["a", "pbd"]
@@ -36,6 +37,15 @@ def test_the_part_of_a_run_that_has_no_steps_is_not_carried_on():
     rows = [row("a", "pbd", float(h), state_sup=float(h), seconds=1e-3 + 1e-6 / h) for h in STEPS]
     cost = speed.extrapolate_cost(summaries(rows)["a", "pbd"], 1e-3 * min(STEPS))
     assert cost.seconds == pytest.approx(1e-3 + 1e-6 / cost.h, rel=1e-3)
+
+
+def test_one_slow_timing_turns_no_extrapolation():
+    rows = [row("a", "pbd", float(h), state_sup=float(h), seconds=1e-3 + 1e-6 / h) for h in STEPS]
+    for slow in (-1, -2, -4):
+        spoilt = [dict(r) for r in rows]
+        spoilt[slow]["seconds"] *= 15.0
+        cost = speed.extrapolate_cost(summaries(spoilt)["a", "pbd"], 1e-3 * min(STEPS))
+        assert cost.seconds == pytest.approx(1e-3 + 1e-6 / cost.h, rel=0.01)
 
 
 @pytest.mark.parametrize("seed", range(5))
