@@ -93,3 +93,17 @@ def test_what_is_held_is_let_go_where_the_drift_jumps(at, tol):
     for traj in floored, slid:
         assert traj.status.ok and traj.x[-1, 0] == pytest.approx(way, abs=10 * tol)
     assert [e.t for e in floored.events] == pytest.approx([0.5, at], abs=1e-14)
+
+
+@pytest.mark.parametrize("held", [0, 1, 2])
+@pytest.mark.parametrize("spec", ["event_driven", "event_driven[method=rk45]"])
+def test_impulses_stay_when_the_last_event_is_at_the_very_end(spec, held):
+    """Walls that are reached at 0.25 and 1 (as many as `held`), and one at T = 2."""
+    x0, drift = np.array([[0.125, 1.0, 2.0], [-0.5, -1.0, -1.0]])[:, 2 - held :]
+    walls = Affine(A=np.eye(held + 1), b=np.zeros(held + 1))
+    case = scene(push(*drift), walls, x0=x0, t=np.linspace(0.0, 2.0, 9))
+    run = solve(case, spec)
+    assert run.status.ok, run.status
+    known = dict(zip(run.contacts, run.impulse[-1], strict=True))
+    found = [known.get((0, i), 0.0) for i in range(held + 1)]
+    assert found == pytest.approx([0.875, 1.0, 0.0][2 - held :], abs=1e-12)

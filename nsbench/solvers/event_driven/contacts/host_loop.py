@@ -97,7 +97,8 @@ class ContactIntegrator:
             while status.ok and self.t < self.end:
                 status = self._follow_arc()
             if status.ok and self._recorded < len(self.case.t):  # an event at the very end
-                self._record(self.x[None], np.zeros((1, 0)), np.zeros((1, self.case.n)))
+                none = np.zeros((1, len(self._total)))
+                self._record(self.x[None], none, np.zeros((1, self.case.n)))
         return self.trajectory(status)
 
     def start(self) -> Status:
