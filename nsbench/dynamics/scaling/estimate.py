@@ -25,7 +25,7 @@ NO_LENGTH = 1e-14  # a distance of a scene at rest in its origin: a difference o
 INSTANT = 2.0**-26  # of the run, over which a switch is differenced in time
 CLOSED = 1e-10  # of a vector: less of it outside a space is rounding
 # times a size found from the speeds at the start, which was then next to nothing, where the
-# coordinate gets farther once the others have moved
+# coordinate gets farther once the others have moved, or in the modes that act around the start
 FARTHER = 2.0**20
 DOUBLINGS = 40  # of the first of the times at which that motion is looked at, up to the run's
 
@@ -78,17 +78,22 @@ def _estimate(case: Case, span: float) -> Scale:
     rough = np.full(case.n, rough.max()) if uniform else rough
     away = np.where(sizes > 0.0, sizes, rough)
     linear = [_krylov(f, x0, v, away, span) for f, v in fields]
-    found = [
-        _displacement(f, x0, v, away, rough, span, far)
-        for (f, v), far in zip(fields, linear, strict=True)
-    ]
-    moved = np.max(found, axis=0)
+    acting = [f for f, _ in fields]
+    if isinstance(case.problem, Filippov):
+        acting = _acting_fields(case, [t0 + part * span for part in LOOKS])
+    moved = np.zeros(case.n)
+    for (f, v), g, far in zip(fields, acting, linear, strict=True):
+        found = _displacement(f, x0, v, away, rough, span, far)
+        if g is not f:  # what a mode does where it never acts must not make the motion tiny
+            there = _displacement(g, x0, v, away, rough, span, _krylov(g, x0, v, away, span))
+            found = np.where(there > FARTHER * found, there, found)
+        moved = np.maximum(moved, found)
     if uniform:  # one length: that of particles, or the amplitude of the motion, wherever it is
         length = max(sizes.max(), 0.5 * moved.max(), 0.5 * _wall_motion(case, span))
         own = np.full(case.n, length or np.abs(x0).max() or _nearest_wall(case) or 1.0)
     else:
         own = np.where(moved > 0.0, moved, sizes)
-        later = np.max([_speeds_around(f, x0, moved) for f, _ in fields], axis=0)
+        later = np.max([_speeds_around(g, x0, moved) for g in acting], axis=0)
         beside = np.max(linear, axis=0)
         # of a linearised motion that overflows, which something must hold back, nothing is known
         far = np.where(np.isfinite(beside), np.minimum(beside, span * later), 0.0)
@@ -262,6 +267,23 @@ def _fields(case: Case, t: float) -> list[Callable]:
     return [
         lambda x, s=s: np.asarray(field(t, x.copy(), np.full(d, s)), float) for s in (1.0, -1.0)
     ]
+
+
+def _acting_fields(case: Case, times: list[float]) -> list[Callable]:
+    """List functions of x at these times as `_fields` does, each the field of the side on which x
+    lies.
+
+    A mode may grow beyond all bounds where it does not act: friction that falls with the speed,
+    exp(-w / w0), on the side of negative w.
+    """
+    field = as_numpy(case.problem.field)
+    switch = as_numpy(case.problem.switch)
+
+    def acting(t: float, x: np.ndarray) -> np.ndarray:
+        side = np.where(np.atleast_1d(switch(t, x.copy())) < 0.0, -1.0, 1.0)
+        return np.asarray(field(t, x.copy(), side), float)
+
+    return [functools.partial(acting, t) for t in times for _ in _fields(case, t)]
 
 
 def particle_distance(case: Case) -> float:

@@ -222,3 +222,33 @@ def test_a_linearised_motion_that_overflows_is_no_size():
     problem = Filippov.signs(field, lambda xp: lambda t, x: x[0:1])
     case = Case("relay", problem, np.array([1e-3, 0.0]), np.linspace(0.0, 1.0, 11))
     assert np.all(case_scale(case).state < 0.1)
+
+
+def stribeck(start, slip=0.5):
+    """A mass on a spring on a belt: friction falls with the speed of slip, and each mode grows like
+    exp(60) where it does not act."""
+
+    def mode(side):
+        def factory(xp):
+            def field(t, x):
+                friction = 0.4 + 0.6 * xp.exp(-side * (x[1] - 0.3) / slip)
+                return xp.array([x[1], -x[0] - 0.05 * x[1] - side * friction])
+
+            return field
+
+        return factory
+
+    switch = lambda xp: lambda t, x: x[1:2] - 0.3
+    problem = Filippov({+1: mode(1.0), -1: mode(-1.0)}, switch)
+    return Case("stribeck", problem, np.array(start), np.linspace(0.0, 20.0, 41))
+
+
+@pytest.mark.parametrize("start", [(0.0, 0.0), (1e-3, 0.0), (0.5, 0.0), (1.0, 0.0)])
+def test_a_mode_that_explodes_where_it_never_acts_does_not_set_the_units(start):
+    case = stribeck(start)
+    scale = case_scale(case)
+    assert 0.01 < scale.state.max() < 100.0 and 0.01 < scale.time
+    run = solvers.solve(case, "event_driven")
+    assert run.status.ok and run.stats["loop"] == "compiled"
+    implicit = solvers.solve(case, "euler[implicit=true]", h=5e-3)
+    assert implicit.status.ok and np.abs(implicit.x - run.x).max() < 0.1
