@@ -6,8 +6,8 @@ with it: the difference over 1 - (their step) / (the step) estimates its error, 
 one, from above for a higher order; the larger one counts. Their numbers of steps are no multiples
 of its own: where a method chatters about a surface, a step and half of it can both end on that
 surface by chance. Methods that control their error by a tolerance are run at their default one, and
-what they claim is taken. A search ends where the next try would pass its budget of seconds, and
-says which accuracy its last error and the order of the method ask for.
+what they claim is taken. A search ends where the next try would pass its budget of seconds or
+MOST_STEPS, and says which accuracy its last error and the order of the method ask for.
 """
 
 from __future__ import annotations
@@ -218,6 +218,7 @@ class _Search:
             change = min(max((SAFETY / ratio) ** (1.0 / self.order), LEAST), 0.75)
             value = self._changed(value, change)
             if self._is_too_long(value):
+                within = f" with {MOST_STEPS:.0e} steps, the most of a search".replace("e+0", "e")
                 break
         return Choice(
             self.spec,

@@ -181,3 +181,10 @@ def test_step_asks_methods_of_a_file(tmp_path, capsys, monkeypatch):
     for name, more in (("listed", []), ("named", ["--solvers", "named.py"])):
         assert main(["step", "slide_exit", "--error", "1e-2", "-s", name, *more]) == 0
         assert f"Take {name} with h = " in capsys.readouterr().out
+
+
+def test_a_search_that_ends_at_the_most_steps_says_so(monkeypatch):
+    monkeypatch.setattr("nsbench.study.step_choice.MOST_STEPS", 2000)
+    found = choose(get_case("sliding"), "euler", Demand(1e-6))
+    assert not found.is_found
+    assert found.why.startswith("Not reached with 2e3 steps, the most of a search: with h")

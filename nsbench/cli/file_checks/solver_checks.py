@@ -193,7 +193,9 @@ def _judge(steps, values, finest: dict, column: str, wanted) -> tuple[str, str]:
     holds_claim = low <= wanted <= high <= low + WIDEST_INTERVAL
     is_met = holds_claim or max(fit.order, fit.line) > wanted - ORDER_TOLERANCE
     if is_met and fit.verdict not in UNLIKE_AN_ORDER:
-        return text, ""
+        is_clear = holds_claim or fit.order > wanted - ORDER_TOLERANCE
+        by_line = f"{text} by local slopes, {fit.line:.2f} by one line: undecided"
+        return text if is_clear else by_line, ""
     few = f"{values[0]:.1e} ... {values[-1]:.1e}"
     return text, f"order {wanted:g} is claimed, the errors {few} are {text}"
 
