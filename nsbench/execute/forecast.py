@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from nsbench.measure import clock
-from nsbench.measure.cost_growth import grow_by_steps
+from nsbench.measure.cost_growth import STEEPEST_POWER, TYPICAL_POWER, grow, median_slope
 from nsbench.study import Spec
 from nsbench.study.plan import resolve
 
@@ -30,10 +30,6 @@ SECONDS_PER_WORK = 1e-7  # of one step of one coordinate, where nothing at all i
 MEASURE = 0.02  # seconds of measuring a run, where no probe has shown them
 # seconds of compiling: a probe with more of it does not show what measuring takes
 COMPILED = 0.05
-# power of the accuracy: a solver whose steps cost more as they get shorter does not reach it
-STEEPEST_POWER = 2.0
-# powers where one accuracy alone is known: steps, orders of five and two
-TYPICAL_POWER = {"h": 1.0, "tol": 0.2, "k": 0.5}
 # in steps of one coordinate (0.1 us): measuring, a run by events, a step in Python
 WORK_OF_RUN = 1e4
 WORK_OF_EVENTS = 1e4
@@ -184,31 +180,28 @@ def extrapolate_seconds(
 ) -> float:
     """Seconds at another accuracy.
 
-    Between known accuracies log(seconds) is interpolated linearly in log(accuracy). Beyond them a
-    power is fitted to the nearest FITTED_NEIGHBOURS; seconds rise with 1 / h, slower with 1 / tol,
-    and with k. To finer steps each step takes an equal part, unless the power says that steps cost
-    more as they get shorter.
+    Between known accuracies log(seconds) is interpolated linearly in log(accuracy). Beyond them the
+    nearest FITTED_NEIGHBOURS are carried on: to finer runs by cost_growth.grow, to coarser ones by
+    a power, which is not negative.
 
     asked, seconds: (m,), in any order; at: the accuracy wanted; accuracy: "h", "tol" or "k".
     """
-    order = np.argsort(asked)
-    x = np.log(asked[order])
-    y = np.log(np.maximum(seconds[order], SHORTEST))
-    target = float(np.log(at))
-    if x[0] <= target <= x[-1]:
+    fineness = asked if accuracy == "k" else 1.0 / asked
+    to = at if accuracy == "k" else 1.0 / at
+    order = np.argsort(fineness)
+    fineness = fineness[order]
+    seconds = np.maximum(seconds[order], SHORTEST)
+    if to > fineness[-1]:
+        nearest = slice(-FITTED_NEIGHBOURS, None)
+        return grow(accuracy, fineness[nearest], seconds[nearest], to)
+    x = np.log(fineness)
+    y = np.log(seconds)
+    target = np.log(to)
+    if to >= fineness[0]:
         return float(np.exp(np.interp(target, x, y)))
-    below = target < x[0]
-    nearest = slice(0, FITTED_NEIGHBOURS) if below else slice(-FITTED_NEIGHBOURS, None)
-    sign = 1.0 if accuracy == "k" else -1.0
-    power = TYPICAL_POWER.get(accuracy, 1.0)
-    if np.ptp(x[nearest]) > 0.0:
-        power = sign * float(np.polyfit(x[nearest], y[nearest], 1)[0])
-    if below and accuracy == "h" and power <= 1.0:
-        h = asked[order][nearest][::-1]
-        return grow_by_steps(h, np.maximum(seconds[order][nearest][::-1], SHORTEST), at)
-    power = sign * float(np.clip(power, 0.0, STEEPEST_POWER))
-    edge = 0 if below else -1
-    return float(np.exp(y[edge] + power * (target - x[edge])))
+    power = median_slope(x[:FITTED_NEIGHBOURS], y[:FITTED_NEIGHBOURS])
+    power = TYPICAL_POWER[accuracy] if np.isnan(power) else min(max(power, 0.0), STEEPEST_POWER)
+    return float(np.exp(y[0] + power * (target - x[0])))
 
 
 def work(spec: Spec) -> float:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from nsbench.measure.clock import LONG
-from nsbench.measure.cost_growth import grow_by_power, grow_by_steps
+from nsbench.measure.cost_growth import grow
 from nsbench.measure.orders.fit import ENDS
 from nsbench.report.data import Data, Runs
 from nsbench.report.style import (
@@ -216,8 +216,8 @@ def expect_cost(summary: Summary, target: float) -> Cost | None:
         return None
     # an iterative method may need fewer iterations in fine steps
     finer = slice(len(h) // 2, None)
-    grow = grow_by_steps if runs.accuracy == "h" else grow_by_power
-    grown = lambda values: grow(h[finer], values[finer], h[-1] * factor)
+    to = 1.0 / (h[-1] * factor)
+    grown = lambda values: grow(runs.accuracy, 1.0 / h[finer], values[finer], to)
     return Cost(
         solver=runs.solver,
         loop=runs.loop,

@@ -1,8 +1,8 @@
 """Seconds that the runs of one search may take: what was spent, and what a further try would take.
 
-Seconds are a power of the accuracy, fitted to single runs where their accuracies span a factor
-SPAN, otherwise that of TYPICAL_POWER. What is paid once counts for nothing: compilation is taken
-off, and a quick run is made again, so that it has loaded kernels and libraries.
+Seconds grow with the fineness of single runs (nsbench.measure.cost_growth), fitted where their
+accuracies span a factor SPAN. What is paid once counts for nothing: compilation is taken off, and a
+quick run is made again, so that it has loaded kernels and libraries.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 
 from nsbench.measure import clock
+from nsbench.measure.cost_growth import grow
 
 SECONDS = 60.0  # of the runs of one method, where nothing else is asked for
 SPAN = 4.0
-STEEPEST = 2.0
-LEAST_POWER = 0.5  # what runs of any accuracy have in common hides the cost of their steps
-# of the seconds in 1 / h and in k: an implicit method takes longer steps where the system is stiff
-TYPICAL_POWER = {"h": 1.0, "k": 0.5}
+# of the seconds in the fineness: noise of quick runs hides the cost of their steps
+LEAST_POWER = 0.5
+SHORTEST = 1e-9  # seconds, in logarithms
 
 
 @dataclass
@@ -73,20 +73,20 @@ class SearchBudget:
         return self.runs[finest] * self._growth(finest, value)
 
     def _fineness(self, value: float) -> float:
-        """Return the logarithm of 1 / h or of k."""
-        return math.log(value) if self.accuracy == "k" else -math.log(value)
+        return value if self.accuracy == "k" else 1.0 / value
 
     def _growth(self, known: float, value: float) -> float:
-        """Return the factor between the seconds with two accuracies, a power of theirs."""
-        power = TYPICAL_POWER.get(self.accuracy, 1.0)
-        x = np.array(sorted(self._fineness(v) for v in self.runs))
-        if x.size > 1 and np.ptp(x) >= math.log(SPAN):
-            by = {self._fineness(v): max(s, 1e-9) for v, s in self.runs.items()}
-            y = np.log([by[at] for at in x])
-            # a floor of the seconds of the quickest runs flattens the fit, never the cost of steps
-            last = (y[-1] - y[-2]) / (x[-1] - x[-2])
-            power = float(np.clip(max(np.polyfit(x, y, 1)[0], last), LEAST_POWER, STEEPEST))
-        return math.exp(power * (self._fineness(value) - self._fineness(known)))
+        """Return the factor between the seconds with two accuracies."""
+        at = self._fineness(known)
+        to = self._fineness(value)
+        timed = {self._fineness(v): seconds for v, seconds in self.runs.items()}
+        if not timed or max(timed) < SPAN * min(timed):
+            timed = {at: 1.0}
+        fineness = np.array(sorted(timed))
+        seconds = np.array([max(timed[one], SHORTEST) for one in fineness])
+        reached = [grow(self.accuracy, fineness, seconds, one) for one in (at, to)]
+        ahead = reached[1] / reached[0]
+        return max(ahead, (to / at) ** LEAST_POWER)
 
 
 def _timed(call: Callable[[], Any]) -> tuple[Any, float]:

@@ -182,16 +182,16 @@ def initialise(
     near = np.empty(scene.rows.inv2.size if scene.moving else 0, np.int32)
     for e in range(near.size):
         near[e] = e
-    radii = 0.0
+    beyond = 0.0  # from the first radius on: the mean of equal ones is theirs to the last digit
     for r in scene.r:
-        radii += r
+        beyond += r - scene.r[0]
     least = max(reach, 1e-8 * largest(x))
     zero = np.int64(0)
     return (
         CandidateLists(arrays, no_impulses(), scene.r, near),
         ListState(zero, zero, zero, zero, False, n * n),
         Skins(least, 0.3 * least, 0.0, 0.0),
-        SkinControl(least, radii / n, 0.15, 0.0, np.inf, zero, zero),
+        SkinControl(least, scene.r[0] + beyond / n, 0.15, 0.0, np.inf, zero, zero),
     )
 
 
