@@ -3,17 +3,19 @@ its own baseline."""
 
 import argparse
 import contextlib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import nsbench
-from nsbench.dynamics.scaling.estimate import case_scale
 from nsbench import study
 from nsbench.cli import main
+from nsbench.dynamics.scaling.estimate import case_scale
 from nsbench.gate import baseline, calibrate, spreads
 from nsbench.gate.calibrate import _ended_otherwise, specs_of
+from nsbench.gate.facts import Fact
 from nsbench.report.data import read
 from nsbench.results import tables
 from nsbench.results.journal import Journal, read_journal
@@ -125,3 +127,33 @@ def test_what_ends_otherwise_in_a_pass_is_said_once_with_the_first_reason(tmp_pa
 
 def test_no_two_passes_have_the_same_starts():
     assert len({*calibrate.SEEDS, 0}) == len(calibrate.SEEDS) + 1 >= 3
+
+
+def test_spreads_are_distances_and_what_one_study_lacks_has_no_bound():
+    fact = Fact("tide", "pbd", "h=0.01", "state_sup", "near", 0.25, "", "")
+    count = replace(fact, metric="steps", kind="count", value=300.0)
+    word = replace(fact, parameters="ladder", metric="statuses", kind="class", value="19 ok")
+    other = {fact.key: replace(fact, value=0.26), word.key: replace(word, value="18 ok")}
+    got = spreads.spreads({f.key: f for f in (fact, count, word)}, [other])
+    assert got == {fact.key: pytest.approx(0.01), count.key: float("inf"), word.key: float("inf")}
+    assert spreads.spreads({fact.key: fact}, []) == {fact.key: 0.0}
+
+
+HEAD = "case,solver,parameters,metric,spread,config\n"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "case,solver\n",
+        f"{HEAD}a,b,c,d,nan,\n",
+        f"{HEAD}a,b,c,d,-1,\n",
+        f"{HEAD}a,b,c,d\n",
+        f"{HEAD}a,b,c,d,0.1\n",
+    ],
+)
+def test_a_spoilt_calibration_is_an_error_that_names_the_file(tmp_path, text):
+    (tmp_path / "calibration.csv").write_text(text)
+    with pytest.raises(ValueError, match=r"calibration\.csv"):
+        spreads.read(tmp_path)

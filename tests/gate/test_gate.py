@@ -366,33 +366,6 @@ def test_the_commands_compare_update_and_hold(tmp_path, capsys):
     )
 
 
-def test_spreads_are_distances_and_what_one_study_lacks_has_no_bound():
-    other = {FACT.key: replace(FACT, value=0.26), WORD.key: replace(WORD, value="18 ok")}
-    got = spreads.spreads({f.key: f for f in (FACT, COUNT, WORD)}, [other])
-    assert got == {FACT.key: pytest.approx(0.01), COUNT.key: float("inf"), WORD.key: float("inf")}
-    assert spreads.spreads({FACT.key: FACT}, []) == {FACT.key: 0.0}
-
-
-HEAD = "case,solver,parameters,metric,spread,config\n"
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "",
-        "case,solver\n",
-        f"{HEAD}a,b,c,d,nan,\n",
-        f"{HEAD}a,b,c,d,-1,\n",
-        f"{HEAD}a,b,c,d\n",
-        f"{HEAD}a,b,c,d,0.1\n",
-    ],
-)
-def test_a_spoilt_calibration_is_an_error_that_names_the_file(tmp_path, text):
-    (tmp_path / "calibration.csv").write_text(text)
-    with pytest.raises(ValueError, match=r"calibration\.csv"):
-        spreads.read(tmp_path)
-
-
 @pytest.mark.parametrize("kind, over", [("max", 1), ("min", -1), ("near", 1), ("near", -1)])
 def test_a_number_that_is_off_by_all_that_is_allowed_passes(kind, over):
     fact = replace(FACT, kind=kind)

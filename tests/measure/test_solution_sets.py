@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from nsbench.cases import repulsive, two_surfaces
 
-from nsbench import errors, get_case, solve
+from nsbench import Case, Filippov, errors, get_case, solve
 from nsbench.reference import reference
+from nsbench.trajectory import Trajectory
 
 GENERIC = "two_surfaces[kind=generic]"
 
@@ -122,3 +123,36 @@ def test_a_reference_is_forbidden_there():
     assert reference(case.replace(exact=lambda t: np.stack([t, t], 1))) is None
     with pytest.raises(ValueError, match="unique=False"):
         case.replace(unique=True)
+
+
+def up(xp):
+    return lambda t, x: xp.array([1.0, 1.0])
+
+
+def down(xp):
+    return lambda t, x: xp.array([1.0, -1.0])
+
+
+@pytest.mark.survives("repulsive")
+def test_a_solution_that_is_not_unique_is_judged_by_the_inclusion_alone():
+    t = np.linspace(0, 1, 11)
+    problem = Filippov({(1,): up, (-1,): down}, lambda xp: lambda t, x: x[1:])
+    case = Case("repulsive", problem, np.zeros(2), t, unique=False)
+    none = np.empty((11, 0))
+    late = np.maximum(t - 0.5, 0.0)
+    for height, theta in ((t, t), (-t, 0 * t), (0 * t, 0.5 * t), (late, 0.5 * (t + late))):
+        e = errors(
+            case, Trajectory(t, np.stack([t, height], 1), ((0, 0),), theta[:, None], none)
+        )
+        assert (
+            e["reference"] == "none"
+            and e["multipliers_unique"] is None
+            and np.isnan(e["state_sup"])
+        )
+        assert e["residual"] < 1e-12 and e["complementarity"] < 1e-12
+    e = errors(case, Trajectory(t, np.stack([t, 2 * t], 1), ((0, 0),), t[:, None], none))
+    assert e["residual"] == pytest.approx(1.0)
+    e = errors(
+        case, Trajectory(t, np.stack([t, t / 2], 1), ((0, 0),), 0.75 * t[:, None], none)
+    )
+    assert e["complementarity"] > 0.1  # leaves at half the speed: a mixture away from the surface

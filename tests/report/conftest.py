@@ -3,6 +3,9 @@
 import shutil
 
 import pytest
+from page_rows import DRAWN, Rows
+
+from nsbench import write_report
 
 BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
 
@@ -17,6 +20,12 @@ def browser():
         started = driver.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
         yield started
         started.close()
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    """The page of a study of a few cases and methods, as an address."""
+    return write_report(Rows, tmp_path_factory.mktemp("page") / "report.html").as_uri()
 
 
 @pytest.fixture
@@ -39,3 +48,11 @@ def open_page(browser, file):
     yield opened
     for context in contexts:
         context.close()
+
+
+@pytest.fixture
+def page(open_page):
+    """The page with its first chart drawn."""
+    opened = open_page()
+    opened.wait_for_selector(DRAWN)
+    return opened

@@ -1,31 +1,12 @@
 """The page in a browser without network: it draws, answers, and says nothing on the console."""
 
-import re
-
 import pytest
-from report_rows import CASES, ENV, SOLVERS, made
+from page_rows import BARS, DRAWN, Rows, is_in_view, scroll_to
+from report_rows import SOLVERS, made
 
 from nsbench import write_report
 from nsbench.report.charts.layouts import MARKS
 from nsbench.report.style import assign_looks
-
-DRAWN = "#answer-chart[data-drawn=yes] canvas"
-BARS = {"bound_state": 0.012, "state_norm": 0.0098}  # of one method on one case
-LENGTHS = {"tide": 2.0}
-GROUPS = {"tide": "Complementarity", "apple": "Filippov"}
-
-
-class Rows:
-    """Rows with the stored descriptions that a folder of results has."""
-
-    rows = [r | BARS if r["case"] == "apple" and r["solver"] == "pbd" else r for r in made()]
-    cases = {
-        name: {**known, "problem": GROUPS.get(name, "LCS"), "own_length": LENGTHS.get(name)}
-        for name, known in CASES.items()
-    }
-    solvers = SOLVERS
-    env = ENV
-    extra = {}
 
 
 class Barred(Rows):
@@ -34,36 +15,6 @@ class Barred(Rows):
     long = "pbd[order=random,seed=2]"
     solvers = SOLVERS | {long: SOLVERS["pbd"]}
     rows = [r | BARS | ({"solver": name} if name else {}) for name in ("", long) for r in made()]
-
-
-@pytest.fixture(scope="module")
-def file(tmp_path_factory):
-    """The page of a study of a few cases and methods, as an address."""
-    return write_report(Rows, tmp_path_factory.mktemp("page") / "report.html").as_uri()
-
-
-@pytest.fixture
-def page(open_page):
-    """The page with its first chart drawn."""
-    opened = open_page()
-    opened.wait_for_selector(DRAWN)
-    return opened
-
-
-def scroll_to(page, element):
-    page.evaluate("id => document.getElementById(id).scrollIntoView()", element)
-
-
-def slide(page, position):
-    """Move the slider as the keyboard does."""
-    page.focus("#answer-error")
-    page.keyboard.press("Home")
-    for _ in range(position):
-        page.keyboard.press("ArrowRight")
-
-
-def ranking(page):
-    return page.inner_text("#t-answer tbody")
 
 
 @pytest.mark.long
@@ -81,15 +32,6 @@ def test_links_within_the_page_and_into_it_land_where_they_lead(open_page, file)
         assert is_in_view(opened, element)
 
 
-def is_in_view(page, element):
-    """Is the element at the top of the window, or the page at its end?"""
-    return page.evaluate(
-        "id => Math.abs(document.getElementById(id).getBoundingClientRect().top) < 60"
-        " || innerHeight + scrollY > document.documentElement.scrollHeight - 5",
-        element,
-    )
-
-
 @pytest.mark.long
 def test_nothing_is_fetched_and_nothing_is_said(page, file):
     cases = page.evaluate("nsbench.data.cases.map((one) => one.id)")
@@ -102,74 +44,6 @@ def test_nothing_is_fetched_and_nothing_is_said(page, file):
     assert [url for url in page.requests if not url.startswith("data:")] == [file]
 
 
-@pytest.mark.long
-def test_the_slider_changes_error_table_and_chart(page):
-    label = page.inner_text("#answer-label")
-    before = ranking(page)
-    picture = page.locator(DRAWN).screenshot()
-    slide(page, 0)
-    assert label == "1e-3" and page.inner_text("#answer-label") == "1e-1"
-    assert ranking(page) != before
-    page.wait_for_timeout(400)
-    assert page.locator(DRAWN).screenshot() != picture
-    slide(page, 18)
-    assert page.inner_text("#answer-label") == "1e-10"
-
-
-def test_ranking_counts_what_the_static_table_counts(page):
-    """Two ways to the same counts: the script at 1e-3, and the table that Python wrote."""
-    static = {}
-    for row in page.locator("#t-ranking tbody tr").all():
-        cells = row.locator("td").all_text_contents()
-        ((reached, cheapest),) = re.findall(r"^reached on (\d+)\s*(.+)", cells[2]) or [("0", "0")]
-        static[cells[0]] = int(reached), cheapest.removeprefix("cheapest on ")
-    live = {}
-    for row in page.locator("#t-answer tbody tr").all():
-        reached, cheapest = (row.locator("td").nth(k).inner_text() for k in (2, 3))
-        counts = int(reached.split()[0]), cheapest.partition(" (+")[0]
-        live[row.get_attribute("data-method")] = counts
-    assert live and all(static[name] == counts for name, counts in live.items())
-    assert "not compared" in {cheapest for _, cheapest in live.values()}
-
-
-def test_multipliers_without_an_order_are_told_by_their_errors(page):
-    said = {
-        row.get_attribute("data-method"): row.locator("td").last.inner_text()
-        for row in page.locator("#t-answer tbody tr").all()
-    }
-    assert said["event_driven"].startswith("no order, errors ")
-    assert said["pbd"].startswith("order ")
-
-
-def test_an_error_below_the_floor_of_its_reference_is_said_to_be_below_it(page):
-    row = page.locator("#t-answer tbody tr[data-method=event_driven] td").last
-    assert row.inner_text().startswith("no order, errors ≤ ")
-    tol = "nsbench.data.pairs.filter((p) => p.accuracy === 'tol')"
-    page.evaluate(f"{tol}.forEach((p) => p.floors.force = 2); answer.draw()")
-    assert row.inner_text() == "no order, errors < 2"
-
-
-def test_a_case_is_found_by_some_of_its_parameters(page):
-    """The cases are discs[n=30,seed=0] and discs[n=30,seed=1], among others."""
-    words = {"discs[n=30]": 2, "discs[seed=1]": 1, "discs[seed=1,n=30]": 1, "30 discs": 2}
-    for word, found in words.items():
-        page.fill("#answer-words", word)
-        assert page.locator("#t-answer-cases tbody tr").count() == found
-    page.fill("#answer-words", "discs[n=3]")
-    assert page.inner_text("#answer-sentence") == "No case has “discs[n=3]”."
-
-
-def test_a_case_is_found_by_the_words_of_its_text(page):
-    """Its name has none of them; a word that no case has is named, and none is for two cases."""
-    said = page.locator("article .about").first.text_content().lower().split()
-    name = page.locator("article h3").first.inner_text()
-    word = next(w for w in said if w.isalpha() and len(w) > 4 and w not in name)
-    page.fill("#answer-words", f"{name} {word}")
-    assert name in page.locator("#t-answer-cases tbody").inner_text()
-    page.fill("#answer-words", f"{word} plesiosaur")
-    assert page.inner_text("#answer-sentence") == "No case has “plesiosaur”."
-
-
 def test_error_bars_stand_over_the_errors_of_their_runs(page):
     points = "nsbench.drawn.get(document.getElementById('bars-chart')).spec.datasets.points"
     scroll_to(page, "bars-chart")
@@ -179,18 +53,6 @@ def test_error_bars_stand_over_the_errors_of_their_runs(page):
     page.select_option("#bars-metric", "force")
     said = page.inner_text("#bars-chart")
     assert said == "No run has both an error and an error bar of the reaction."
-
-
-def test_classes_and_words_select_cases(page):
-    groups = page.locator("#answer-group option").all_text_contents()
-    assert groups[0] == "all classes" and len(groups) > 2
-    page.select_option("#answer-group", groups[1])
-    some = page.locator("#t-answer-cases tbody tr").count()
-    page.fill("#answer-words", "tide")
-    page.select_option("#answer-group", "")
-    found = page.locator("#t-answer-cases tbody tr").all_text_contents()
-    assert found and all(text.startswith("tide") for text in found)
-    assert 0 < some < len(CASES)
 
 
 @pytest.mark.long
@@ -317,24 +179,6 @@ def test_numbers_of_runs_are_in_per_cent_of_a_length_and_not_below_the_floor(pag
     assert shown[1:3] == ["< 1e-4", "3e-9"] and shown[0] == "3e-3" and shown[3]
     parts = "[[0.03, 2], [null, 2], [1, null]].map(([v, length]) => explore.part(v, length))"
     assert page.evaluate(parts) == ["1.5 %", "", ""]
-
-
-@pytest.mark.long
-def test_a_method_of_the_answer_leads_to_its_work_precision_chart(page):
-    """Of the case in the row, with the method picked."""
-    page.evaluate("document.querySelector('#t-answer-cases').closest('details').open = true")
-    row = page.locator("#t-answer-cases tbody tr", has=page.locator("td.best a")).last
-    case = row.locator("td").first.inner_text()
-    method = row.locator("td.best").inner_text().strip()
-    row.locator("td.best a").click()
-    page.wait_for_selector("#explore-chart[data-drawn=yes]")
-    page.wait_for_timeout(1800)
-    chosen = "document.getElementById('explore-{}').selectedOptions[0].textContent"
-    assert page.evaluate(chosen.format("case")) == case
-    assert page.evaluate(chosen.format("cost")) == "seconds"
-    view = "nsbench.drawn.get(document.getElementById('explore-chart')).result.view"
-    assert page.evaluate(f"{view}.signal('pick').method") == [method]
-    assert is_in_view(page, "explore") and page.said == []
 
 
 @pytest.mark.long
