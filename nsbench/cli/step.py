@@ -57,7 +57,7 @@ def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
     else:
         say(
             f"Take {best.method} with {best.name} = {best.accuracy:.{DIGITS}g}: "
-            f"{best.seconds:.2g} s a run, {best.sure}."
+            f"{best.seconds:.2g} s a run, {best.sure}.{_not_asked_for(best, demand)}"
         )
     return FINE if best else FAILED
 
@@ -83,6 +83,14 @@ def _asked_for(demand, n: int) -> str:
     if demand.overlap < math.inf:
         parts.append(f"overlap at most {demand.overlap:.3g}")
     return ", ".join(parts)
+
+
+def _not_asked_for(best, demand) -> str:
+    """Say that the step keeps no error of the state, where none was asked for."""
+    if demand.error < math.inf:
+        return ""
+    known = f": it is {best.error:.2g}" if best.error == best.error else ""
+    return f" No error of the state was asked for{known} (--error)."
 
 
 def _number(value):

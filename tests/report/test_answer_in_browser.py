@@ -49,6 +49,23 @@ def test_ranking_counts_what_the_static_table_counts(page):
     assert "not compared" in {cheapest for _, cheapest in live.values()}
 
 
+def test_refused_cases_stand_beside_failed_runs(page):
+    cells = page.locator("#t-answer tbody tr td:nth-child(7)")
+    told = {
+        row.get_attribute("data-method"): text
+        for row, text in zip(
+            page.locator("#t-answer tbody tr").all(), cells.all_inner_texts(), strict=True
+        )
+    }
+    counts = "(m) => nsbench.data.pairs.filter((p) => p.m === m && p.word === 'refused').length"
+    names = page.evaluate("nsbench.data.methods.map((m) => m.name)")
+    for name, text in told.items():
+        refused = page.evaluate(counts, names.index(name))
+        assert (f"{refused} refused" in text) == (refused > 0), name
+    assert any("refused" in text for text in told.values())
+    assert any("refused" not in text for text in told.values())
+
+
 def test_multipliers_without_an_order_are_told_by_their_errors(page):
     said = {
         row.get_attribute("data-method"): row.locator("td").last.inner_text()

@@ -44,6 +44,28 @@ def test_nothing_is_fetched_and_nothing_is_said(page, file):
     assert [url for url in page.requests if not url.startswith("data:")] == [file]
 
 
+def test_points_of_orders_without_a_verdict_are_hollow(page):
+    scroll_to(page, "orders-chart")
+    page.wait_for_selector("#orders-chart[data-drawn=yes]")
+    drawn = page.evaluate(
+        """() => {
+            const view = nsbench.drawn.get(document.getElementById('orders-chart')).result.view;
+            const found = [];
+            const visit = (item) => {
+                if (item.mark?.marktype === 'symbol' && item.mark.role === 'mark') {
+                    found.push([item.datum.verdict, item.fillOpacity, item.stroke]);
+                }
+                (item.items || []).forEach(visit);
+            };
+            visit(view.scenegraph().root);
+            return found;
+        }"""
+    )
+    assert {verdict == "order" for verdict, _, _ in drawn} == {True, False}
+    for verdict, filled, stroke in drawn:
+        assert filled == (verdict == "order") and stroke.startswith("#")
+
+
 def test_error_bars_stand_over_the_errors_of_their_runs(page):
     points = "nsbench.drawn.get(document.getElementById('bars-chart')).spec.datasets.points"
     scroll_to(page, "bars-chart")

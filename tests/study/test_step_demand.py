@@ -183,6 +183,14 @@ def test_step_asks_methods_of_a_file(tmp_path, capsys, monkeypatch):
         assert f"Take {name} with h = " in capsys.readouterr().out
 
 
+def test_a_step_for_the_overlap_alone_says_that_it_keeps_no_error(capsys):
+    for asked, said in ((["--overlap", "0.1"], True), (["--overlap", "0.1", "--error", "1"], False)):
+        assert main(["step", "tide", *asked, "-s", "pbd"]) == 0
+        last = capsys.readouterr().out.splitlines()[-1]
+        assert last.startswith("Take pbd")
+        assert ("No error of the state was asked for: it is 0." in last) == said
+
+
 def test_a_search_that_ends_at_the_most_steps_says_so(monkeypatch):
     monkeypatch.setattr("nsbench.study.step_choice.MOST_STEPS", 2000)
     found = choose(get_case("sliding"), "euler", Demand(1e-6))

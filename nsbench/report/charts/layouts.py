@@ -190,11 +190,13 @@ def _beside_equal(kind: str, x_title: str, y_title: str, look: Spec, tips: list,
 def order_chart(methods: Methods, title: str, cases: int) -> Spec:
     """Lay out orders of convergence with their 95 % intervals, one line per case.
 
-    points: rows with method, case, x (order), low, high. cases: how many, at most.
+    points: rows with method, case, x (order), low, high, verdict ("order", or another, whose point
+    is hollow). cases: how many, at most.
     """
     y = {"field": "case", "type": "nominal", "title": None, "sort": None}
     y["axis"] = {"grid": True, "labelLimit": 190}
     colour = {"color": _colour(methods), "opacity": _opacity()}
+    clear = "datum.verdict === 'order'"
     spec = _chart(
         [
             {
@@ -218,9 +220,12 @@ def order_chart(methods: Methods, title: str, cases: int) -> Spec:
                     },
                     "y": y,
                     **_identity(methods),
+                    "stroke": _colour(methods),
+                    "fillOpacity": {"condition": {"test": clear, "value": 1.0}, "value": 0.0},
                     "tooltip": [
                         {"field": "case"},
                         {"field": "method"},
+                        {"field": "verdict"},
                         {"field": "x", "title": "order", "format": ".3f"},
                         {"field": "low", "format": ".3f"},
                         {"field": "high", "format": ".3f"},

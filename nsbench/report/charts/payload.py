@@ -267,11 +267,11 @@ def _bar(bar: tuple[str, float, float] | None, seen: bool) -> list | None:
 
 
 def _order(order: Order) -> list | None:
-    """[order, low, high, claim, 1 if that is its verdict] of a fit, null for anything else."""
+    """[order, low, high, claim, verdict] of a fit, null for anything else."""
     if order.kind != "fit":
         return None
     numbers = (order.order, *order.interval, order.claim)
-    return [*(_number(v) for v in numbers), int(order.verdict == "order")]
+    return [*(_number(v) for v in numbers), order.verdict]
 
 
 def _cost(cost: Cost | None) -> list | None:

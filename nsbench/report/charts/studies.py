@@ -90,9 +90,8 @@ def orders(study: object, metric: str = "state") -> Spec:
         order = getattr(summary, metric)
         if order.kind == "fit":
             low, high = order.interval
-            points.append(
-                {"case": case, "method": solver, "x": order.order, "low": low, "high": high}
-            )
+            ends = {"x": order.order, "low": low, "high": high}
+            points.append({"case": case, "method": solver, "verdict": order.verdict, **ends})
     title = f"order of convergence of the {TITLES[metric]}"
     used = {p["method"] for p in points}
     cases = len({p["case"] for p in points})

@@ -83,6 +83,7 @@ const answer = {
         steps: [],
         factors: [],
         failed: 0,
+        refused: 0,
         tried: 0,
         orders: [],
         errors: [], // least errors of multipliers that have no order, and are they below a floor
@@ -90,9 +91,10 @@ const answer = {
         misses: [], // of the cases where it does not reach the error
       };
       rows.set(pair.m, row);
+      row.refused += pair.word === "refused" ? 1 : 0;
       row.tried += pair.word === "refused" ? 0 : 1;
       row.failed += pair.good.filter((g, i) => !g && pair.status[i] !== "refused").length;
-      if (pair.orders.force?.[4]) {
+      if (pair.orders.force?.[4] === "order") {
         row.orders.push(pair.orders.force[0]);
       } else {
         const known = pair.force.filter((error) => error !== null);
@@ -233,6 +235,8 @@ const answer = {
         const untimed = row.untimed ? [hosted] : [];
         const reached = cell(`${row.reached} of ${cases.length}`);
         reached.append(...untimed);
+        const failed = cell(String(row.failed));
+        failed.append(...row.refused ? [nsbench.make("small", {}, `${row.refused} refused`)] : []);
         const line = nsbench.make("tr", { "data-method": nsbench.data.methods[row.method].name });
         line.append(
           nsbench.make("td", { class: "method" }, explore.chartLink(row.method, null, cases)),
@@ -244,7 +248,7 @@ const answer = {
           cell(row.timed ? `× ${nsbench.format(answer.median(row.factors))}`
             : row.reached ? "not compared" : "not reached"),
           cell(row.steps.length ? answer.setting(row) : "not reached"),
-          cell(String(row.failed)),
+          failed,
           cell(answer.multipliers(row))
         );
         return line;

@@ -186,10 +186,10 @@ const explore = {
       const rows = nsbench.data.pairs
         .filter((pair) => pair.orders[metric.value])
         .map((pair) => {
-          const [x, low, high] = pair.orders[metric.value];
+          const [x, low, high, , verdict] = pair.orders[metric.value];
           const names = nsbench.data;
           const [method, name] = [names.methods[pair.m].name, names.cases[pair.c].name];
-          return { method, case: name, x, low, high };
+          return { method, case: name, x, low, high, verdict };
         });
       const what = metric.selectedOptions[0].textContent;
       if (!rows.length) {
