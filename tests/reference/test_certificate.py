@@ -2,6 +2,7 @@
 kinks it cannot see."""
 
 import dataclasses
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -47,6 +48,20 @@ def test_the_tide_is_proven_to_thirty_digits(tide):
     assert max(made.proven.values()) < 1e-30 and not made.notes
     assert np.abs(made.reference.x - TIDE.exact(TIDE.t)).max() < 1e-15
     assert np.abs(made.reference.impulse - TIDE.exact_impulse(TIDE.t)).max() < 1e-15
+
+
+def test_a_relay_is_proven_with_the_sums_of_its_matrix_exact():
+    """x' = B s with both signs positive: -1 - 0.2 of the doubles is no double, and ten times what
+    it is off would be seen in the last state."""
+    B = np.array([[-1.0, -0.2], [0.3, -1.0]])
+    still = lambda xp: lambda t, x: xp.zeros(2)
+    problem = Filippov.relay(still, B, lambda xp: lambda t, x: x + 1.0)
+    case = Case("falls", problem, np.array([12.25, 8.5]), np.linspace(0.0, 10.0, 6))
+    found = certify(case).reference
+    rates = [sum(Fraction(b) for b in row) for row in B]
+    for t, x in zip(case.t, found.x, strict=True):
+        exact = [Fraction(a) + Fraction(t) * v for a, v in zip(case.x0, rates, strict=True)]
+        assert x.tolist() == [float(v) for v in exact]
 
 
 def test_a_bound_holds_against_a_computation_with_more_digits():

@@ -58,7 +58,9 @@ class SlidingPoint:
         for code in product((1, -1), repeat=flow.m):
             s = np.array(flow.mode, float)
             s[flow.on] = code
-            F = vector(flow.field(t, array(x), s), n)
+            # balls, which compare as floats do: B s of a relay would be rounded to doubles
+            exact = array([arb(v) for v in s])
+            F = vector(flow.field(t, array(x), exact), n)
             self.corners[code] = F, [_along(c[i].d, F, n) for i in flow.on]
 
     def _blend(self, values, u):
