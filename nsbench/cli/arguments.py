@@ -33,7 +33,7 @@ def build_parser() -> argparse.ArgumentParser:
         help="print a script that completes commands and options in this shell, and stop",
     )
     parser.add_argument("--version", action="version", version=f"nsbench {nsbench.__version__}")
-    verbs = parser.add_subparsers(required=True, metavar="COMMAND")
+    verbs = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=_VerbParser)
     for add in (
         _add_list,
         _add_run,
@@ -51,6 +51,22 @@ def build_parser() -> argparse.ArgumentParser:
     ):
         add(verbs)
     return parser
+
+
+class _VerbParser(argparse.ArgumentParser):
+    """Parser of one verb, whose options may stand between its arguments: verify --certify CASE."""
+
+    _is_within = False
+
+    def parse_known_args(self, args=None, namespace=None):
+        """Parse options first and arguments from what they leave."""
+        if self._is_within:
+            return super().parse_known_args(args, namespace)
+        self._is_within = True
+        try:
+            return self.parse_known_intermixed_args(args, namespace)
+        finally:
+            self._is_within = False
 
 
 class _PrintCompletion(argparse.Action):
