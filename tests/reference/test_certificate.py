@@ -305,8 +305,9 @@ def test_a_wrong_event_time_is_noticed(tmp_path):
     ref = reference.build(case, tmp_path)
     events = (dataclasses.replace(ref.events[0], t=ref.events[0].t + 1e-8), ref.events[1])
     reference.store(case, dataclasses.replace(ref, events=events), tmp_path)
-    with pytest.raises(ValueError, match="the stored event times"):
-        reference.verify(case, tmp_path)
+    for certify_again in (False, True):
+        with pytest.raises(ValueError, match="the stored event times"):
+            reference.verify(case, tmp_path, certify=certify_again)
 
 
 def test_a_certificate_bounds_the_closed_form(tmp_path):

@@ -299,6 +299,13 @@ def test_a_witness_that_agrees_with_itself_has_another_solution(monkeypatch, tmp
         reference.build(TIDE, tmp_path, PAIR, kind="runs")
 
 
+@pytest.mark.long
+def test_a_reference_is_confirmed_by_a_run_that_is_as_good_as_its_bound():
+    """The first one, at 1e-12, is 5.8e-11 off, twice the bound."""
+    said = reference.verify(get_case("buckling_row", n=6))
+    assert said.startswith("confirmed by event_driven[method=rk45]")
+
+
 def test_verify_notices_a_reference_that_is_wrong(made, tmp_path):
     case, _, _ = copies(made, tmp_path)
     good = reference.load(case, tmp_path)
