@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.optimize import lsq_linear
+from scipy.optimize import lsq_linear, root
 
 import nsbench
 from nsbench import Affine, Case, Complementarity, Distance, Smooth, solvers
@@ -288,3 +288,29 @@ def test_a_study_in_python_refuses_an_infeasible_start_before_its_runs(monkeypat
     monkeypatch.setattr("nsbench.study.run_batch", lambda specs: pytest.fail("ran"))
     with pytest.raises(ValueError, match="the start of heap violates constraint .* by 0.5"):
         nsbench.run(case)
+
+
+def test_a_projected_start_is_the_nearest_point_where_the_steps_to_it_shrink_slowly():
+    """Newton's method for x = x0 + sum mu grad g, g = 0: each step of the projection is 0.95 times
+    the last one, so that small steps alone leave twenty of them."""
+    case = nsbench.get_case("overlap_start", meaning="project")
+    start = nsbench.solve(case, "event_driven").x[0]
+    i, j = np.triu_indices(case.n // 2, 1)
+    apart = np.linalg.norm(start.reshape(-1, 2)[i] - start.reshape(-1, 2)[j], axis=1)
+    closed = apart < 2.0 + 1e-9
+    i = i[closed]
+    j = j[closed]
+
+    def conditions(v):
+        x = v[: case.n].reshape(-1, 2)
+        way = x[i] - x[j]
+        length = np.linalg.norm(way, axis=1)
+        push = (v[case.n :] / length)[:, None] * way
+        off = x - case.x0.reshape(-1, 2)
+        np.subtract.at(off, i, push)
+        np.add.at(off, j, push)
+        return np.concatenate([off.ravel(), length - 2.0])
+
+    found = root(conditions, np.concatenate([start, np.full(len(i), 0.5)]), tol=1e-15).x
+    assert np.abs(conditions(found)).max() < 1e-14
+    np.testing.assert_allclose(start, found[: case.n], rtol=0.0, atol=3e-13)

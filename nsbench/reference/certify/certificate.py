@@ -155,14 +155,14 @@ def _rounded(case: Case, arcs, path, bounds, work) -> Reference:
         bounds.impulse + rounding(impulse),
         bounds.reaction + rounding(reaction) if contact else float("nan"),
         "certified",
-        _origin(arcs, path, bounds, work),
+        _origin(case, arcs, path, bounds, work),
         versions(),
         event_error + rounding(case.t),
         shown,
     )
 
 
-def _origin(arcs, path, bounds, work) -> str:
+def _origin(case, arcs, path, bounds, work) -> str:
     """Say how a certificate was made and what was taken without proof."""
     how = (
         f"Taylor series of order {work.order} in {work.bits} bits along {len(arcs)} arcs of "
@@ -172,6 +172,8 @@ def _origin(arcs, path, bounds, work) -> str:
     )
     if path.moved:
         how += f"; the start was put on its constraints, {path.moved:.0e} away"
+    if case.start == "project":
+        how += "; that the start is the nearest feasible point is computed in doubles, not proven"
     return how + "".join(f"; {n}" for n in bounds.notes)
 
 

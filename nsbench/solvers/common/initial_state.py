@@ -22,8 +22,10 @@ ITERATIONS = 1000  # linear convergence: a start that overlaps deeply needs a fe
 # constraints that are looked at, and times what is missed, of a start that misses by digits
 LISTED = 3000
 FARTHER = 100.0
-# of a coordinate, the longest way, or what pushes is made of: what moves by less has ended
+# of a coordinate, the longest way, or what pushes is made of: what moves by less may have ended
 STILL = 1e-13
+REMAINS = 1e-3  # times STILL: of all further moves, whose ratio is that of the last two
+TINY = np.finfo(float).tiny
 
 
 class InfeasibleStart(ValueError):
@@ -97,13 +99,18 @@ def _project_start(case, scene, x0, t):
     nearest from there on."""
     y = x0
     moved = np.full(x0.size, np.inf)
+    before = np.inf
     reach = 4.0 * scene.max_violation(t, x0)
     known = {}
     for _ in range(ITERATIONS):
         lines = LinearisedConstraints(case, scene, t, y, reach)
         still = STILL * np.maximum(np.abs(x0), max(float(np.abs(y - x0).max()), lines.size(known)))
-        if (lines.g >= -lines.allowed).all() and (moved <= still).all():
+        move = float(np.max(moved / np.maximum(still, TINY), initial=0.0))
+        # a geometric series of moves; where they shrink no more, rounding is reached
+        remains = move * move / (before - move) if move < before < np.inf else 0.0
+        if (lines.g >= -lines.allowed).all() and move <= 1.0 and remains <= REMAINS:
             return y
+        before = move
         tie = lines.coincident()
         if tie:
             raise InfeasibleStart(
