@@ -19,9 +19,10 @@ from __future__ import annotations
 
 import functools
 import os
-import re
 import stat
 from pathlib import Path
+
+from numba import config
 
 from nsbench.compilation import (
     announcement,
@@ -31,35 +32,8 @@ from nsbench.compilation import (
     library_functions,
 )
 from nsbench.source_files import file_state
+from nsbench.source_files.kernel_files import kernel_files, stores_of
 from nsbench.source_files.locations import ROOT, is_in_package
-
-KERNEL_FOLDERS = ("kernels", "linalg", "lcp")  # whatever lies below these is a kernel file
-# what kernels take from the folder `compilation`
-FOR_KERNELS = tuple(
-    f"compilation/{name}.py"
-    for name in (
-        "borrowed_arrays", "decorators", "function_pointer", "inner_compiler", "library_functions",
-    )
-)
-COMPILES = re.compile(rb"^from nsbench\.compilation\.decorators import", re.M)
-
-
-def kernel_files() -> list[Path]:
-    """Return the files whose content may be part of a compiled kernel, sorted.
-
-    These are all files in a folder of kernels, constants included, and every other file that
-    compiles. Such files import from one another alone; tests/compilation/test_callees.py shows it.
-    """
-    return [p for p in sorted(ROOT.rglob("*.py")) if _is_kernel_file(p)]
-
-
-def _is_kernel_file(path: Path) -> bool:
-    place = path.relative_to(ROOT)
-    return (
-        bool({*KERNEL_FOLDERS} & {*place.parts[:-1]})
-        or place.as_posix() in FOR_KERNELS
-        or COMPILES.search(path.read_bytes()) is not None
-    )
 
 
 @functools.cache
@@ -72,18 +46,9 @@ def kernel_digest() -> str:
 
 def stored_kernel_faults() -> list[str]:
     """Return which files of stored kernels of this package cannot be used, and why."""
-    from numba import config
-    from numba.core.caching import _CacheLocator
-    from numba.misc.appdirs import AppDirs
-
-    own = [config.CACHE_DIR] if config.CACHE_DIR else []
-    shared = [Path(p) for p in (*own, AppDirs("numba", appauthor=False).user_cache_dir)]
-    faults = []
-    for file in {p.parent: p for p in kernel_files()}.values():
-        name = _CacheLocator.get_suitable_cache_subpath(str(file))
-        for folder in (file.parent / "__pycache__", *(p / name for p in shared)):
-            faults += kernel_store.faults_in(folder)
-    return faults
+    files = {p.parent: p for p in kernel_files()}.values()
+    folders = [folder for p in files for folder in stores_of(p, config.CACHE_DIR)]
+    return [fault for folder in folders for fault in kernel_store.faults_in(folder)]
 
 
 def has_private_files(folder: Path) -> bool:
@@ -114,7 +79,6 @@ def store_privately() -> None:
         has_private_files(f / "__pycache__") for f in folders
     ):
         return
-    from numba import config
 
     own = disk_cache.private_folder("kernels")
     if own is not None and has_private_files(own):

@@ -120,6 +120,7 @@ class _PairForecast:
     to_run: int = 0
     reused: int = 0
     seconds: float = 0.0
+    timing: float = 0.0  # of them, with nothing beside it
     source: str = ""  # what the seconds are known from
     memory: float = 0.0  # bytes
 
@@ -134,6 +135,7 @@ def _forecast_pairs(plan: Plan, why: dict, forecast: Forecast) -> list[_PairFore
             cost = forecast.cost(s)
             pair.to_run += 1
             pair.seconds += cost.seconds
+            pair.timing += cost.timing
             pair.source = cost.source
         else:
             pair.reused += 1
@@ -171,26 +173,30 @@ def _print_forecast(plan: Plan, why: dict, forecast: Forecast, probed: dict, arg
             f"and {len(rest)} more of case and solver, {sum(p.seconds for p in rest):.3g} s "
             f"together (-v lists them)"
         )
-    _print_totals(plan, ranked, probed, args, say)
     compilation = forecast.compilation(p.solver for p in ranked)
-    if compilation >= SHOWN_COMPILATION:
-        say(f"compiling: up to {compilation:.3g} s more, where kernels are not on the disk yet")
+    _print_totals(plan, ranked, compilation, probed, args, say)
 
 
-def _print_totals(plan: Plan, pairs: list[_PairForecast], probed: dict, args, say: Say) -> None:
+def _print_totals(
+    plan: Plan, pairs: list[_PairForecast], compilation: float, probed: dict, args, say: Say
+) -> None:
     """Print the time of all runs, on the workers and on the clock, and the largest case."""
     jobs = worker_count(args)
     by_case: dict[tuple, float] = defaultdict(float)
     for p in pairs:
-        by_case[p.case, p.file] += p.seconds
-    total = sum(by_case.values())
+        by_case[p.case, p.file] += p.seconds - p.timing
+    timing = sum(p.timing for p in pairs)
+    shared = sum(by_case.values()) + compilation
+    total = shared + timing
     # one worker takes all runs of a case: no other one can take half of it
-    on_the_clock = WORKER_START + max(total / jobs, max(by_case.values()))
+    on_the_clock = WORKER_START + max(shared / jobs, max(by_case.values())) + timing
     uncertain = []
     for source, words in ((PROBE, "from small runs"), (GUESS, "guessed")):
         seconds = sum(p.seconds for p in pairs if p.source == source)
         if seconds:
             uncertain.append(f"{seconds:.3g} s {words}")
+    if compilation >= SHOWN_COMPILATION:
+        uncertain.append(f"{compilation:.3g} s of compiling what is not on the disk yet")
     sources = f" ({', '.join(uncertain)})" if uncertain else ""
     say(
         f"forecast: {total:.3g} s of computing, about {on_the_clock:.3g} s with {jobs} "

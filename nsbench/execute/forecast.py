@@ -9,13 +9,16 @@ all solvers.
 
 from __future__ import annotations
 
+import sys
 from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from nsbench.case import parse_spec
 from nsbench.measure import clock
 from nsbench.measure.cost_growth import STEEPEST_POWER, TYPICAL_POWER, grow, median_slope
 from nsbench.study import Spec
@@ -26,8 +29,10 @@ JOURNAL = "journal"
 PROBE = "probe"
 GUESS = "guess"
 NOTHING = "refused"
+# seconds: of a method where nothing is on the disk (six took 138 to 394 s)
+COLD_COMPILATION = 45.0
 SECONDS_PER_WORK = 1e-7  # of one step of one coordinate, where nothing at all is known
-MEASURE = 0.02  # seconds of measuring a run, where no probe has shown them
+MEASURE = 0.1  # seconds of measuring a run and of its error bars, where no probe has shown them
 # seconds of compiling: a probe with more of it does not show what measuring takes
 COMPILED = 0.05
 # in steps of one coordinate (0.1 us): measuring, a run by events, a step in Python
@@ -47,6 +52,7 @@ class Cost:
 
     seconds: float
     source: str
+    timing: float = 0.0  # of them: the rounds in which it is timed, when no worker runs anything
 
 
 class _Timing(NamedTuple):
@@ -106,7 +112,9 @@ class Forecast:
         source, timings = self._timings(spec)
         setup = float(np.median([t.setup for t in timings])) if timings else 0.0
         measuring = float(np.median(self.measuring)) if self.measuring else MEASURE
-        return Cost(seconds_with_repetitions(self.seconds(spec), setup) + measuring, source)
+        seconds = self.seconds(spec)
+        whole = seconds_with_repetitions(seconds, setup) + measuring
+        return Cost(whole, source, timing_seconds(seconds))
 
     def seconds(self, spec: Spec) -> float:
         """Forecast the run alone, once."""
@@ -121,7 +129,8 @@ class Forecast:
         return extrapolate_seconds(asked, seconds, spec.asked, spec.accuracy)
 
     def compilation(self, solvers: Iterable[str]) -> float:
-        """Forecast the seconds of compiling and loading: for each solver the longest so far.
+        """Forecast the seconds of compiling and loading: for each solver the longest so far, and
+        COLD_COMPILATION for each method without a row whose kernels are not on the disk.
 
         The cases of a solver share its kernels.
         """
@@ -129,7 +138,10 @@ class Forecast:
         for (_, solver), known in self.known.items():
             for timings in known.values():
                 longest[solver] = max([longest[solver], *(t.compilation for t in timings)])
-        return sum(longest[s] for s in {*solvers})
+        wanted = {*solvers}
+        unknown = {parse_spec(s)[0] for s in wanted - {*longest}}
+        cold = sum(not _is_stored(method) for method in unknown)
+        return sum(longest[s] for s in wanted & {*longest}) + COLD_COMPILATION * cold
 
     def _guess(self, spec: Spec) -> float:
         """Seconds by the work of the run, at the median rates of the solver or of all solvers."""
@@ -171,8 +183,13 @@ def _preparation(setup: float) -> float:
 
 def seconds_with_repetitions(seconds: float, setup: float) -> float:
     """Seconds of preparing a run, running it once, and the rounds in which it is timed."""
+    return _preparation(setup) + seconds + timing_seconds(seconds)
+
+
+def timing_seconds(seconds: float) -> float:
+    """Seconds of the rounds in which a run is timed after the first one; 0 where that counts."""
     rounds = clock.rounds_of(seconds)
-    return _preparation(setup) + seconds * (1 + (rounds if rounds > 1 else 0))
+    return rounds * seconds if rounds > 1 else 0.0
 
 
 def extrapolate_seconds(
@@ -216,6 +233,15 @@ def work_of_steps(spec: Spec) -> float:
     steps = {"h": span / spec.asked, "k": span * spec.asked / 3}.get(spec.accuracy, WORK_OF_EVENTS)
     in_python = WORK_OF_PYTHON_STEP if "backend=" in spec.solver else 0
     return steps * (case.n + in_python)
+
+
+def _is_stored(method: str) -> bool:
+    """Is something that numba compiles for a method on the disk?"""
+    from nsbench import solvers
+    from nsbench.source_files.kernel_files import has_stored_kernels
+
+    source = sys.modules[type(solvers.get(method)).__module__].__file__
+    return has_stored_kernels(Path(source).parent)
 
 
 def _accuracy_of(solver: str) -> str:

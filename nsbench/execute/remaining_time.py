@@ -18,14 +18,13 @@ from collections import defaultdict
 
 import numpy as np
 
-from nsbench.execute.forecast import MEASURE, seconds_with_repetitions, work
+from nsbench.execute.forecast import COLD_COMPILATION, MEASURE, seconds_with_repetitions, work
 from nsbench.execute.workers.kernel_schedule import kernel_group
 from nsbench.study import Spec
 
 FIXED_WORK = 5e4  # per run, in steps of one coordinate: preparation, measuring, repetitions
 FIRST_PRIOR = 3.0  # groups: weight of FIRST_COMPILATION beside what was observed
 FIRST_COMPILATION = 1.5  # seconds: the mean over groups where kernels are on the disk
-COLD_COMPILATION = 23.0  # seconds: of a method where nothing is on the disk (six took 138 s)
 LOADED = 2.0  # seconds: a first run that compiled for less has loaded what was stored
 LATER_PRIOR = 100.0  # runs without a compilation, beside those observed
 EMPTY_STUDY = 1e-3  # seconds that count as no time at all

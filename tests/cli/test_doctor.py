@@ -68,7 +68,7 @@ def damaged(folder):
 def test_a_damaged_cache_is_a_warning_of_one_line_for_each_file(monkeypatch, tmp_path, capsys):
     from numba import config
 
-    from nsbench.compilation.numba_cache import kernel_files
+    from nsbench.source_files.kernel_files import kernel_files
 
     monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path / "kernels"))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))

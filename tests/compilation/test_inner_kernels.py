@@ -10,7 +10,7 @@ import pytest
 
 from nsbench.compilation.decorators import python_entry, fused_kernel, inner_kernel, njit
 from nsbench.compilation.inner_compiler import LinkedLibrary
-from nsbench.compilation.numba_cache import kernel_files
+from nsbench.source_files.kernel_files import kernel_files
 from nsbench.source_files.locations import ROOT
 
 

@@ -16,7 +16,16 @@ from nsbench.case import size
 from nsbench.cli import main
 from nsbench.execute import dry_run
 from nsbench.execute.dry_run import NEW, NEW_ACCURACY, Plan, rerun_reasons
-from nsbench.execute.forecast import GUESS, JOURNAL, NOTHING, Forecast, select_probes
+from nsbench.execute.forecast import (
+    COLD_COMPILATION,
+    GUESS,
+    JOURNAL,
+    NOTHING,
+    Forecast,
+    seconds_with_repetitions,
+    select_probes,
+    timing_seconds,
+)
 from nsbench.execute.probe import probe
 from nsbench.results import run_key
 from nsbench.results.journal import Journal, read_journal, settled
@@ -182,10 +191,9 @@ def test_seconds_follow_a_power_that_is_fitted(accuracy, power):
         [row(float(a), float((a / asked[0]) ** power), accuracy=accuracy) for a in asked]
     )
     far = 1e-4 if accuracy != "k" else 1e5
-    cost = forecast.cost(Spec("tide", "pbd", accuracy, far))
-    assert cost.source == JOURNAL and cost.seconds == pytest.approx(
-        (far / asked[0]) ** power, rel=0.02
-    )
+    spec = Spec("tide", "pbd", accuracy, far)
+    assert forecast.cost(spec).source == JOURNAL
+    assert forecast.seconds(spec) == pytest.approx((far / asked[0]) ** power, rel=0.02)
 
 
 def test_the_part_of_a_run_that_has_no_steps_is_told_apart():
@@ -214,6 +222,25 @@ def test_what_is_not_known_is_taken_from_elsewhere_and_said_to_be():
     ]
     assert Forecast(told).compilation(["pbd", "pbd", "theta"]) == 7.0
     assert Forecast([]).cost(Spec("tide", "pbd", "h", float("nan"))).source == NOTHING
+
+
+def test_a_method_with_nothing_on_the_disk_is_compiled_once_and_then_known(tmp_path, monkeypatch):
+    """One method in two versions, and one that numba compiles nothing of."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    asked = ["pbd", "pbd[order=reverse]", "solve_ivp"]
+    assert Forecast([]).compilation(asked) == COLD_COMPILATION
+    monkeypatch.undo()
+    nsbench.solve("tide", "pbd", h=0.1)
+    assert Forecast([]).compilation(asked) == 0.0
+    known = Forecast([row(1e-2, 1.0) | {"compile_seconds": 7.0}])
+    assert known.compilation(["pbd"]) == 7.0
+    cost = known.cost(Spec("tide", "pbd", "h", 2e-2))
+    assert cost.timing == timing_seconds(known.seconds(Spec("tide", "pbd", "h", 2e-2)))
+
+
+def test_rounds_of_quick_runs_are_made_by_one_process():
+    assert timing_seconds(1e-3) == pytest.approx(7e-3) and timing_seconds(0.2) == 0.0
+    assert seconds_with_repetitions(1e-3, 0.0) == pytest.approx(8e-3)
 
 
 @pytest.mark.long
