@@ -184,8 +184,8 @@ def test_step_asks_methods_of_a_file(tmp_path, capsys, monkeypatch):
 
 
 def test_a_step_for_the_overlap_alone_says_that_it_keeps_no_error(capsys):
-    for asked, said in ((["--overlap", "0.1"], True), (["--overlap", "0.1", "--error", "1"], False)):
-        assert main(["step", "tide", *asked, "-s", "pbd"]) == 0
+    for error, said in (([], True), (["--error", "1"], False)):
+        assert main(["step", "tide", "--overlap", "0.1", *error, "-s", "pbd"]) == 0
         last = capsys.readouterr().out.splitlines()[-1]
         assert last.startswith("Take pbd")
         assert ("No error of the state was asked for: it is 0." in last) == said
