@@ -217,11 +217,11 @@ def solve(case: Case | str, solver: str = "event_driven", **accuracy: float) -> 
             if isinstance(run, Trajectory):
                 return run
         found = run()
+    known = run.known_checks(found) if isinstance(found, Trajectory) else None
     converted = run.to_user_units(found)
-    wrong = returned_violation(case, converted)
-    if wrong:
+    if known is None and (wrong := returned_violation(case, converted)):
         raise TypeError(f"{solver} on {case.key}: {wrong}")
-    checked = run.add_status_and_bars(found, converted)
+    checked = run.add_status_and_bars(found, converted, known)
     if is_kept:
         _prepared.put(key, case.n * len(case.t), run)
     return checked

@@ -122,14 +122,16 @@ class ScaledRun:
 
     def check_and_convert(self, traj: Trajectory) -> Trajectory:
         """Check the trajectory, and return it in the units of the user with its error bars."""
-        return self.add_status_and_bars(traj, self.to_user_units(traj))
+        return self.add_status_and_bars(traj, self.to_user_units(traj), self.known_checks(traj))
 
-    def add_status_and_bars(self, traj: Trajectory, converted: Trajectory) -> Trajectory:
+    def add_status_and_bars(
+        self, traj: Trajectory, converted: Trajectory, known: Checked | None = None
+    ) -> Trajectory:
         """Check a trajectory; return it, converted to the user's units, with status and error bars.
 
-        traj: in the units that the method works in.
+        traj: in the units that the method works in; known: what `known_checks` says of it.
         """
-        known = self.run_checks(traj)
+        known = known or self.run_checks(traj)
         is_known = converted.status == known.status
         out = converted if is_known else dataclasses.replace(converted, status=known.status)
         bars = self._bars(out, known.pair)
@@ -150,15 +152,17 @@ class ScaledRun:
             return error_bars(self.case, traj)
         return traj.bound
 
-    def run_checks(self, traj: Trajectory) -> Checked:
-        """Check the trajectory; return its status, and what was compared for it.
+    def known_checks(self, traj: Trajectory) -> Checked | None:
+        """Return what the checks found in the last trajectory, if this one has its bytes.
 
-        Checks depend on case and trajectory alone: one that has the bytes of the last is not
-        checked again.
+        Checks depend on case and trajectory alone: none of them need be made again.
         """
-        known = self.last_checked
-        if known is not None and known.own is self.own and is_same_run(known.traj, traj):
-            return known
+        last = self.last_checked
+        is_known = last is not None and last.own is self.own and is_same_run(last.traj, traj)
+        return last if is_known else None
+
+    def run_checks(self, traj: Trajectory) -> Checked:
+        """Check the trajectory; return its status, and what was compared for it."""
         own = self.own or scaled_case(self.case)
         in_own_units = traj if self.is_scaled else own.scaled(traj)
         pair = None

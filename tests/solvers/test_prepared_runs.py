@@ -83,6 +83,16 @@ def test_what_a_caller_writes_into_a_result_changes_no_other():
     assert np.array_equal(second.x, kept) and second.status.ok
 
 
+def test_a_trajectory_with_the_bytes_of_the_last_is_not_checked_again(monkeypatch):
+    case = nsbench.get_case("slide_exit")
+    nsbench.solve(case, "event_driven")
+    monkeypatch.setattr("nsbench.solvers.common.returned_value.returned_violation", None)
+    monkeypatch.setattr("nsbench.solvers.scaled_run.diagnose", None)
+    assert nsbench.solve(case, "event_driven").status.ok
+    with pytest.raises(TypeError):
+        nsbench.solve(case.replace(x0=case.x0 + 0.01), "event_driven")
+
+
 def test_the_store_is_bounded_in_runs_and_in_numbers():
     store = PreparedRuns(max_runs=3, max_numbers=100)
     for k in range(5):
