@@ -175,13 +175,16 @@ class Path:
             self.stretches[int(j)] = [stretch]
         return {int(j) for j in at[~arcs.inside]}
 
-    def added(self, j: int, one_sided: float) -> float:
-        """Return a bound of int exp(L (t - s)) |rho(s)| ds over interval j, L: one-sided Lipschitz
-        constant: by the integral of |rho|, or by its peak, of which a stiff drift forgets most."""
-        H = self.H[j]
-        by_integral = max(1.0, np.exp(one_sided * H)) * self.size[j]
-        decay = np.expm1(one_sided * H) / one_sided if one_sided < 0.0 else np.inf
-        return min(by_integral, self.peak[j] * decay)
+    def added(self, rates: np.ndarray) -> np.ndarray:
+        """Return (K - 1,) bounds of int exp(L (t - s)) |rho(s)| ds over the intervals, L: one-sided
+        Lipschitz constants (K - 1,): by the integral of |rho|, or by its peak, of which a stiff
+        drift forgets most."""
+        by_integral = np.maximum(1.0, np.exp(rates * self.H)) * self.size
+        is_forgotten = rates < 0.0
+        decay = np.full(len(rates), np.inf)
+        np.divide(np.expm1(rates * self.H), rates, out=decay, where=is_forgotten)
+        by_peak = self.peak * decay
+        return np.where(by_peak < by_integral, by_peak, by_integral)
 
     def _local(self, j: int):
         t = float(self.nodes.t[j])
@@ -264,9 +267,11 @@ class Path:
     def _norms(self, drift: Linear, first: float) -> np.ndarray:
         """Return (K,) bounds of |Y - x| by its size alone."""
         e = np.full(len(self.nodes.t), first)
-        for j, H in enumerate(self.H):
-            one_sided = drift.at(j).one_sided
-            e[j + 1] = np.exp(one_sided * H) * e[j] + self.added(j, one_sided)
+        rates = np.array([drift.at(j).one_sided for j in range(len(self.H))])
+        growth = np.exp(rates * self.H)
+        added = self.added(rates)
+        for j in range(len(self.H)):
+            e[j + 1] = growth[j] * e[j] + added[j]
         return e
 
     def estimate(self) -> Growth:

@@ -21,113 +21,32 @@ from the radius, and Y - X is the new vector.
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import groupby
 
 import numpy as np
 
 from nsbench.error_bars.contact_rows import ContactRows, size
 from nsbench.error_bars.growth import Linear
-from nsbench.error_bars.kernels.local_piece import OUTSIDE
-from nsbench.error_bars.kernels.split_step import FlowArrays, SplitArrays, carry_split
+from nsbench.error_bars.kernels.split_step import (
+    LEAST,
+    LONG,
+    UNKNOWN,
+    WIDENED,
+    ErrorArrays,
+    Faces,
+    FlowArrays,
+    Stretches,
+    carry_split,
+)
 from nsbench.error_bars.local_solution import local_solution
 from nsbench.error_bars.shadow import Stretch
+from nsbench.error_bars.subspaces import Split
 from nsbench.error_bars.unit_gradients import for_kernel
 
-RANK = 1e-9  # relative singular value below which rows count as dependent
-# of the error: a second solution is worth it where more than UNKNOWN of it has no known direction,
-# and WIDENED of it is new
-UNKNOWN = 0.02
-WIDENED = 1e-3
-LONG = 8.0  # of the exponent of a flow: by scaling and squaring, no longer by its series
-LEAST = OUTSIDE  # of own length: not even the states of S are known any better
-
-
-class Part:
-    """A subspace of errors: projection (n, n), and how the drift acts on it.
-
-    rate: one-sided Lipschitz constant in it. inflow: norm of the drift's derivative into it from
-    the rest. N (m, n): unit gradients of the group whose span it is, (0, n) of the tangential part.
-    """
-
-    def __init__(self, basis: np.ndarray, N: np.ndarray, drift: Linear):
-        n = len(drift.J)
-        self.projection = basis @ basis.T
-        rest = np.eye(n) - self.projection
-        self.is_empty = basis.shape[1] == 0
-        self.rate = _largest(basis.T @ (0.5 * (drift.J + drift.J.T)) @ basis) + drift.change
-        self.inflow = _norm(self.projection @ drift.J @ rest)
-        self.is_independent = 0 < len(N) == basis.shape[1]
-        self.reach = np.linalg.norm(np.linalg.pinv(N, rcond=RANK), axis=0) if len(N) else None
-
-
-class Split:
-    """Subspaces of the errors: tangential to the contacts, and the spans of their groups. Raises
-    ArithmeticError for a drift whose derivative is not finite.
-
-    contacts: places of the contacts; N (m, n): their unit gradients. groups: by part the positions
-    of its contacts among `contacts`, of the tangential part, the first one, none.
-    """
-
-    def __init__(self, contacts: tuple, N: np.ndarray, drift: Linear):
-        if not np.all(np.isfinite(drift.J)):
-            raise ArithmeticError("the derivative of the drift is not finite")
-        self.contacts = contacts
-        self.drift = drift
-        self.groups = [np.empty(0, int), *_coupled(N)]
-        n = len(drift.J)
-        bases = [_span(N[g]) for g in self.groups[1:]]
-        whole = np.hstack([np.zeros((n, 0)), *bases])
-        tangent = np.linalg.svd(whole)[0][:, whole.shape[1] :] if whole.size else np.eye(n)
-        self.parts = [
-            Part(basis, N[g], drift)
-            for basis, g in zip([tangent, *bases], self.groups, strict=True)
-        ]
-        self.tangent = self.parts[0].projection
-        self.sizes: np.ndarray | None = None  # (parts, m) of all unit gradients in the parts
-        self._norms_in: dict[tuple, np.ndarray] = {}
-        self.along = self.tangent @ drift.J @ self.tangent
-        self.speed = float(np.linalg.norm(self.along))
-        of_parts = [(p.is_empty, p.rate, p.inflow) for p in self.parts]
-        is_empty, rates, inflows = (np.array(v) for v in zip(*of_parts, strict=True))
-        ptr = np.cumsum([0, *(b.shape[1] for b in bases)])
-        own = for_kernel(whole.T), ptr, is_empty, for_kernel(self.along), self.speed
-        self.arrays = SplitArrays(
-            *own, rates, inflows, float(drift.change), float(drift.one_sided)
-        )
-
-    def norms_in(self, other: Split) -> np.ndarray:
-        """Return the norms of the products of projections on the parts of another split (rows) and
-        on those of this one (columns)."""
-        if other.contacts not in self._norms_in:
-            rows = [[_norm(p.projection @ q.projection) for q in self.parts] for p in other.parts]
-            self._norms_in[other.contacts] = np.array(rows)
-        return self._norms_in[other.contacts]
-
-
-def _coupled(N: np.ndarray) -> list[np.ndarray]:
-    """Return groups of rows (m, n) such that rows of different groups are orthogonal."""
-    from scipy.sparse import csr_array
-    from scipy.sparse.csgraph import connected_components
-
-    if not len(N):
-        return []
-    count, label = connected_components(csr_array(np.abs(N @ N.T) > RANK))
-    return [np.flatnonzero(label == g) for g in range(count)]
-
-
-def _span(N: np.ndarray) -> np.ndarray:
-    """Return an orthonormal basis (n, rank) of the span of rows N (m, n)."""
-    _, s, V = np.linalg.svd(N, full_matrices=False)
-    return V[s > RANK * s[0]].T
-
-
-def _largest(A: np.ndarray) -> float:
-    return float(np.linalg.eigvalsh(A)[-1]) if A.size else 0.0
-
-
-def _norm(A: np.ndarray) -> float:
-    return float(np.linalg.norm(A, 2)) if A.size else 0.0
+TOGETHER = 64  # arcs over which the kernel carries an error in one call
 
 
 @dataclass(frozen=True)
@@ -169,6 +88,15 @@ class Carried:
     unknown: np.ndarray
 
 
+@dataclass(frozen=True)
+class Run:
+    """Arcs that follow one another, from an interval on, with the same contacts and drift."""
+
+    first: int
+    split: Split
+    on: Stretches
+
+
 class SplitBound:
     """The bound at the nodes of a path (nsbench.error_bars.bars.Path) over a polyhedron.
 
@@ -180,18 +108,27 @@ class SplitBound:
         self.drift = drift
         self.rows: ContactRows = path.shadow.all_rows()
         self.place = {c: k for k, c in enumerate(self.rows.ids)}
-        self.N = self.rows.constant_gradients(path.nodes.t[0], path.Y[0])
+        self.N = for_kernel(self.rows.constant_gradients(path.nodes.t[0], path.Y[0]))
+        self._faces = Faces(self.N, self.rows.near.sign < 0)
         stretches = [s for j in range(len(path.H)) for s in path.stretches[j]]
         gaps = self._least_gaps(stretches)
         self._gaps = {id(s): g for s, g in zip(stretches, gaps, strict=True)}
+        rates = np.array([drift.at(j).one_sided for j in range(len(path.H))])
+        self._growth = np.exp(rates * path.H)
+        self._added = path.added(rates)
         self._splits: dict[tuple, Split] = {}
+        # by interval the number of the run of arcs that it belongs to
+        self._run_of: list[int] = []
+        for number, (_, same) in enumerate(groupby(range(len(path.H)), self._kind)):
+            self._run_of += [number for _ in same]
+        self._runs: dict[int, Run | None] = {}
 
     def split(self, contacts: tuple, j: int) -> Split:
         """Return the subspaces of contacts, by their places among all rows, in interval j."""
         drift = self.drift.at(j)
         key = contacts, id(drift)
         if key not in self._splits:
-            self._splits[key] = Split(contacts, self.N[list(contacts)], drift)
+            self._splits[key] = Split(contacts, self.N, drift)
         return self._splits[key]
 
     def carried(self, start: np.ndarray) -> Carried:
@@ -201,19 +138,107 @@ class SplitBound:
         known = Known(start, self.split((), 0), np.zeros(1))
         out.delta[0] = start
         out.norm[0] = np.linalg.norm(start)
-        for j in range(len(self.path.H)):
-            new, pulled, unknown = self._over_interval(j, known)
-            out.pulled[j + 1] = out.pulled[j] + pulled
-            out.unknown[j + 1] = out.unknown[j] + unknown
-            # the norm alone can be the better bound: then nothing is known of the direction
-            norm = self._norm_bound(j, out.norm[j])
-            out.norm[j + 1] = min(norm, new.size)
-            known = new
-            if norm < new.radius:
-                known = Known(np.zeros_like(start), self.split((), j), np.array([norm]))
-            out.delta[j + 1] = known.delta
-            out.radius[j + 1] = known.radius
+        j = 0
+        while j < K - 1:
+            count, known = self._over_arcs(j, known, out)
+            if not count:
+                known = self._to_next(j, known, out)
+            j += max(count, 1)
         return out
+
+    def _kind(self, j: int) -> Hashable:
+        """Return what the arcs of a run have in common; of any other interval j its number."""
+        first, *more = self.path.stretches[j]
+        is_arc = not more and len(first.residual)
+        return (first.ids, first.closed, id(self.drift.at(j))) if is_arc else j
+
+    def _run(self, j: int) -> Run | None:
+        """Return the run of arcs that interval j belongs to; None if it is no arc."""
+        number = self._run_of[j]
+        if number not in self._runs:
+            last = j + self._run_of[j:].count(number)
+            arcs = [self.path.stretches[k][0] for k in range(j, last)]
+            is_arc = len(arcs) > 1 or self._kind(j) != j
+            self._runs[number] = self._made_run(j, arcs) if is_arc else None
+        return self._runs[number]
+
+    def _made_run(self, j: int, arcs: list[Stretch]) -> Run:
+        split = self.split(self._places(arcs[0]), j)
+        to = slice(j, j + len(arcs))
+        return Run(j, split, self._arrays(arcs, split, self._growth[to], self._added[to]))
+
+    def _arrays(self, stretches: list[Stretch], split: Split, growth, added) -> Stretches:
+        """Return what the kernel knows of stretches with the same acting contacts."""
+        loads = np.array([s.loads for s in stretches])
+        return Stretches(
+            H=np.array([s.H for s in stretches]),
+            rho=np.array([s.residual for s in stretches]),
+            slack=np.array([s.slack for s in stretches]),
+            gaps=np.array([self._gaps[id(s)] for s in stretches]),
+            pulls=self.pulls(loads, stretches[0].ids, split),
+            growth=growth,
+            added=added,
+        )
+
+    def _places(self, at: Stretch) -> tuple:
+        """Return the places among all rows of the contacts that are closed on a stretch."""
+        return tuple(sorted(self.place[c] for c in at.closed))
+
+    def _over_arcs(self, j: int, known: Known, out: Carried) -> tuple[int, Known]:
+        """Carry what is known at node j over arcs of one run, as far as the kernel gets; return
+        over how many, and what is known behind them."""
+        run = self._run(j)
+        if run is None:
+            return 0, known
+        first = j - run.first
+        most = min(TOGETHER, len(run.on.H) - first)
+        error = self._room(most, known, run.split)
+        error.whole[0] = out.norm[j]
+        flow = FlowArrays(*np.empty((3, len(known.delta))))
+        sizes = known.size, known.radius
+        count = carry_split(
+            run.split.arrays, self._faces, run.on, first, most, False, *sizes, False, flow, error
+        )
+        if not count:
+            return 0, known
+        to = slice(j + 1, j + 1 + count)
+        out.delta[to] = error.delta[1 : count + 1]
+        out.radius[to] = np.linalg.norm(error.radii[1 : count + 1], axis=1)
+        out.norm[to] = error.whole[1 : count + 1]
+        out.pulled[to] = out.pulled[j] + np.cumsum(error.pulled[:count], axis=0)
+        out.unknown[to] = out.unknown[j] + np.cumsum(error.unknown[:count])
+        return count, Known(error.delta[count], run.split, error.radii[count])
+
+    @staticmethod
+    def _room(most: int, known: Known, split: Split) -> ErrorArrays:
+        """Return arrays for the error over so many stretches, with what is known at their head."""
+        n = len(known.delta)
+        error = ErrorArrays(
+            delta=np.empty((most + 1, n)),
+            radii=np.empty((most + 1, len(split.parts))),
+            whole=np.empty(most + 1),
+            pulled=np.empty((most, n)),
+            unknown=np.empty(most),
+            is_reached=np.zeros(len(split.arrays.is_in), bool),
+        )
+        error.delta[0] = known.delta
+        error.radii[0] = known.radii_in(split)
+        error.whole[0] = 0.0
+        return error
+
+    def _to_next(self, j: int, known: Known, out: Carried) -> Known:
+        """Carry what is known at node j to the next one; return what is known there."""
+        new, pulled, unknown = self._over_interval(j, known)
+        out.pulled[j + 1] = out.pulled[j] + pulled
+        out.unknown[j + 1] = out.unknown[j] + unknown
+        # the norm alone can be the better bound: then nothing is known of the direction
+        norm = self._growth[j] * out.norm[j] + self._added[j]
+        out.norm[j + 1] = min(norm, new.size)
+        if norm < new.radius:
+            new = Known(np.zeros_like(new.delta), self.split((), j), np.array([norm]))
+        out.delta[j + 1] = new.delta
+        out.radius[j + 1] = new.radius
+        return new
 
     def _over_interval(self, j: int, known: Known) -> tuple[Known, np.ndarray, float]:
         """Return what is known of the error at the end of interval j, the integral (n,) over it of
@@ -227,8 +252,7 @@ class SplitBound:
             unknown += more_unknown
         if not len(stretch.residual):  # a local solution, from which Y jumps
             new = replace(new, delta=new.delta + self.path.push[j])
-        grown = max(1.0, np.exp(self.drift.at(j).one_sided * self.path.H[j]))
-        widened = new.radius - grown * known.radius
+        widened = new.radius - max(1.0, self._growth[j]) * known.radius
         if new.radius > max(UNKNOWN * new.size, LEAST) and widened > WIDENED * new.size:
             second = self._by_second_solution(j, known)
             if second is not None and second[0].radius < new.radius:
@@ -264,21 +288,33 @@ class SplitBound:
         unknown = found.doubt + drift.two_sided * H * most
         return new, path.along[j] - found.drift, unknown
 
-    def _norm_bound(self, j, e) -> float:
-        one_sided = self.drift.at(j).one_sided
-        return np.exp(one_sided * self.path.H[j]) * e + self.path.added(j, one_sided)
-
     def _carried(self, j: int, at: Stretch, known: Known) -> tuple[Known, np.ndarray, float]:
         """Return what is known of the error at the end of a stretch of interval j, the integral
         (n,) of J w over it, and a bound of what that lacks."""
-        contacts = {self.place[c] for c in at.closed}
+        contacts = set(self._places(at))
         # the contacts that act are those of Y, and whatever x may reach while only these act
         while True:
-            step = _Step(self, at, known, self.split(tuple(sorted(contacts)), j))
-            more = set(np.flatnonzero(self._gaps[id(at)] <= step.reaches(self.N)).tolist())
+            split = self.split(tuple(sorted(contacts)), j)
+            error = self._over_stretch(at, known, split)
+            more = set(np.flatnonzero(error.is_reached).tolist())
             if more <= contacts:
-                return step.end, self.drift.at(j).J @ step.flow.integral, step.unknown
+                end = Known(error.delta[1], split, error.radii[1])
+                return end, error.pulled[0], float(error.unknown[0])
             contacts |= more
+
+    def _over_stretch(self, at: Stretch, known: Known, split: Split) -> ErrorArrays:
+        """Return the error over one stretch, if no contacts but those of the split act on x or
+        Y."""
+        error = self._room(1, known, split)
+        flow = FlowArrays(*np.empty((3, len(known.delta))))
+        is_given = at.H * split.speed > LONG
+        if is_given:
+            start = split.tangent @ known.delta
+            flow.end[:], flow.integral[:] = long_flow(split.along, at.H, start)
+        on = self._arrays([at], split, np.ones(1), np.zeros(1))
+        sizes = known.size, known.radius
+        carry_split(split.arrays, self._faces, on, 0, 1, True, *sizes, is_given, flow, error)
+        return error
 
     def _least_gaps(self, stretches: list[Stretch]) -> np.ndarray:
         """Return (K, m) lower bounds of all gaps along K stretches."""
@@ -295,57 +331,18 @@ class SplitBound:
             off = off + 0.5 * np.abs(np.diff(walls, n=2, axis=1)).max(axis=1)
         return gaps.min(axis=1) - off
 
-    def pulls(self, at: Stretch, split: Split) -> np.ndarray:
-        """Return (parts, 4) kappa of each part in the quarters of a stretch: 0.0 unless all of its
-        contacts are closed with positive multipliers."""
-        quarters = np.minimum(at.loads[:-1], at.loads[1:])
-        loads = {self.place[c]: quarters[:, a] for a, c in enumerate(at.ids)}
-        none = np.zeros(len(quarters))
-        pulls = np.zeros((len(split.parts), len(quarters)))
+    def pulls(self, loads: np.ndarray, ids: tuple, split: Split) -> np.ndarray:
+        """Return (K, parts, 4) kappa of each part in the quarters of K stretches, on which the
+        contacts `ids` act with multipliers loads (K, 5, m): 0.0 unless all of its contacts are
+        closed with positive ones."""
+        quarters = np.minimum(loads[:, :-1], loads[:, 1:])
+        column = {self.place[c]: a for a, c in enumerate(ids)}
+        pulls = np.zeros((len(loads), len(split.parts), quarters.shape[1]))
         for k, part in enumerate(split.parts):
-            if part.is_independent and loads:
-                q = np.array([loads.get(split.contacts[a], none) for a in split.groups[k]])
-                pulls[k] = np.maximum((q / part.reach[:, None]).min(axis=0), 0.0)
+            q = [column.get(split.contacts[a], -1) for a in split.groups[k]]
+            if part.is_independent and -1 not in q:
+                pulls[:, k] = np.maximum((quarters[:, :, q] / part.reach).min(axis=2), 0.0)
         return pulls
-
-
-class _Step:
-    """The error over one stretch, if no contacts but those of the split act on x or Y.
-
-    end: what is known at its end; peaks: largest sizes of z in the parts of the split on the way;
-    flow: the known part, bend: how far it may be from the line between its ends; unknown: bound of
-    what J times its integral lacks of the integral of J w.
-    """
-
-    def __init__(self, bound: SplitBound, at: Stretch, known: Known, s: Split):
-        n = len(known.delta)
-        H = at.H
-        self.split = s
-        self.two_sided = bound.rows.near.sign < 0
-        self.peaks = np.zeros(len(s.parts))
-        self.flow = FlowArrays(np.empty(n), np.empty(n), np.empty(n))
-        radii = for_kernel(known.radii_in(s).copy())
-        is_given = H * s.speed > LONG
-        if is_given:
-            self.flow.end[:], self.flow.integral[:] = long_flow(s.along, H, s.tangent @ known.delta)
-        residual = for_kernel(at.residual)
-        error = for_kernel(known.delta), known.size, residual, at.slack, H, bound.pulls(at, s)
-        out = carry_split(s.arrays, *error, is_given, self.flow, radii, self.peaks)
-        self.bend, lack, most = out
-        self.end = Known(self.flow.end, s, radii)
-        self.unknown = s.drift.two_sided * (size(self.peaks) * H + lack)
-        self.unknown += H * s.drift.change * most
-
-    def reaches(self, N: np.ndarray) -> np.ndarray:
-        """Return (m,) upper bounds of N w on the stretch, for unit gradients N (m, n)."""
-        if self.split.sizes is None:
-            parts = [np.linalg.norm(N @ p.projection, axis=1) for p in self.split.parts]
-            self.split.sizes = np.array(parts)
-        ends = np.maximum(N @ self.flow.start, N @ self.flow.end)
-        # a link in one dimension has two ends, on either of which x may be
-        other = np.maximum(-(N @ self.flow.start), -(N @ self.flow.end))
-        ends = np.where(self.two_sided, np.maximum(ends, other), ends)
-        return ends + self.bend + self.peaks @ self.split.sizes
 
 
 def long_flow(A: np.ndarray, H: float, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -10,11 +10,13 @@ import nsbench
 from nsbench import Affine, Case, Complementarity, Distance, get_case
 from nsbench.cli import main
 from nsbench.dynamics.contacts.constraint_set import ConstraintSet
+from nsbench.error_bars import error_bars
 from nsbench.error_bars.bars import Leg
 from nsbench.error_bars.contact_rows import ContactRows
 from nsbench.error_bars.drift import Drift
 from nsbench.error_bars.local_solution import local_solution
 from nsbench.error_bars.shadow import Shadow
+from nsbench.error_bars.split_bound import SplitBound
 from nsbench.reference import reference
 from nsbench.solvers.common.time_grid import grid
 
@@ -375,3 +377,24 @@ def test_theta_records_what_a_stiff_drift_forgets_between_samples():
     assert truth.status.ok and traj.bound.is_proven
     assert np.all(traj.bound.state >= error - 1e-10)
     assert traj.bound.state.max() <= 5.0 * error.max()
+
+
+@pytest.mark.parametrize("name", ["tide", "wedge", "moving_floor", "rods[n=10]"])
+def test_a_bound_is_the_same_over_arcs_together_and_one_by_one(name, monkeypatch):
+    case = nsbench.get_case(name)
+    traj = nsbench.solve(case, "catching_up", h=0.01)
+    carried = []
+    over_arcs = SplitBound._over_arcs
+
+    def counted(self, j, known, out):
+        count, new = over_arcs(self, j, known, out)
+        carried.append(count)
+        return count, new
+
+    monkeypatch.setattr(SplitBound, "_over_arcs", counted)
+    together = error_bars(case, traj).made
+    assert together.is_proven and max(carried) > 5
+    monkeypatch.setattr(SplitBound, "_over_arcs", lambda self, j, known, out: (0, known))
+    alone = error_bars(case, traj).made
+    for bar in ("state", "reaction", "impulse"):
+        assert np.allclose(getattr(together, bar), getattr(alone, bar), rtol=1e-12, atol=0.0)

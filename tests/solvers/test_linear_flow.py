@@ -6,8 +6,9 @@ from scipy.linalg import expm
 
 from nsbench.compilation.decorators import python_entry
 from nsbench.error_bars.growth import Linear
-from nsbench.error_bars.kernels.split_step import _fill_flow
-from nsbench.error_bars.split_bound import LONG, Split, long_flow
+from nsbench.error_bars.kernels.split_step import LONG, _fill_flow
+from nsbench.error_bars.split_bound import long_flow
+from nsbench.error_bars.subspaces import Split
 
 
 def flow_of(A, H, v):
