@@ -66,6 +66,20 @@ def test_refused_cases_stand_beside_failed_runs(page):
     assert any("refused" not in text for text in told.values())
 
 
+def test_methods_that_refuse_all_cases_of_a_class_are_named(page):
+    """They have no row in the ranking of that class."""
+    absent = page.locator("#answer-absent")
+    counts = "nsbench.data.pairs.filter((p) => p.m === {} && p.word !== 'refused').length"
+    names = page.evaluate("nsbench.data.methods.map((m) => m.name)")
+    assert all(page.evaluate(counts.format(m)) for m in range(len(names))) and absent.is_hidden()
+    page.fill("#answer-words", "sliding")
+    page.wait_for_function("!document.getElementById('answer-absent').hidden")
+    named = set(absent.inner_text().removeprefix("Refuse all of these cases: ")[:-1].split(", "))
+    ranked = {row.get_attribute("data-method") for row in page.locator("#t-answer tbody tr").all()}
+    assert named and {name.strip() for name in named} == {*names} - ranked
+    page.fill("#answer-words", "")
+
+
 def test_multipliers_without_an_order_are_told_by_their_errors(page):
     said = {
         row.get_attribute("data-method"): row.locator("td").last.inner_text()

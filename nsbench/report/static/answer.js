@@ -126,7 +126,8 @@ const answer = {
     }
     const order = [...rows.values()].filter((row) => row.tried);
     order.sort((a, b) => (b.timed > 0) - (a.timed > 0) || a.mean - b.mean || b.reached - a.reached);
-    return { rows: order, best, cases };
+    const absent = [...rows.values()].filter((row) => !row.tried).map((row) => row.method);
+    return { rows: order, best, cases, absent };
   },
 
   median(values) {
@@ -152,9 +153,10 @@ const answer = {
     const label = nsbench.data.labels[k];
     document.getElementById("answer-label").textContent = label;
     document.getElementById("answer-error").setAttribute("aria-valuetext", `error ${label}`);
-    const { rows, best, cases } = answer.rank(k);
+    const { rows, best, cases, absent } = answer.rank(k);
     answer.sentence(rows, best, cases, label);
     answer.table(k, rows, cases);
+    answer.refusing(absent);
     answer.byCase(k, best, cases);
     // the chart takes longest: it follows when sentence and tables are seen, once in a quick slide
     clearTimeout(answer.waiting);
@@ -254,6 +256,14 @@ const answer = {
         return line;
       })
     );
+  },
+
+  // Methods that stand in no row of the table, since they refuse every case in it.
+  refusing(methods) {
+    const target = document.getElementById("answer-absent");
+    target.hidden = !methods.length;
+    target.replaceChildren("Refuse all of these cases: ",
+      ...methods.flatMap((m, i) => [i ? ", " : "", nsbench.chip(m)]), ".");
   },
 
   // A cell for an error that none of these pairs reaches: the least error, and the step of the

@@ -96,7 +96,8 @@ def repeat_lines(env: dict) -> str:
 # nsbench {version_of(env) or UNKNOWN_VERSION}, installed as its README says
 nsbench {sanitise(shlex.join(argv))}
 nsbench report {folder}        # this page, from the rows in {folder}
-nsbench run CASE -s METHOD --h STEP -o again    # one run of a table of "All runs" (or --tol, --k)
+nsbench run CASE -s METHOD -o again    # all its runs; of one: --h STEP (or --tol, --k), which
+                                       # "All runs" shows in full where the pointer rests on it
 
 # work-precision of a case, from runs.parquet (or runs.csv), which holds every number of this page
 import matplotlib.pyplot as plt, pandas
