@@ -100,6 +100,8 @@ def case_module(name: str) -> ModuleType:
     if name not in found and name in plugin_case_names():
         return _plugin_module(name)
     if name not in found:
+        if name.endswith(".py"):
+            raise LookupError(f"no case {name[:80]!r}; of a file: nsbench.load_case({name[:80]!r})")
         known = [*found, *plugin_case_names()]
         raise LookupError(f"no case {name[:80]!r}; {nearest(name, known)}")
     return found[name]

@@ -98,6 +98,7 @@ def _add_list(verbs) -> None:
         type=lambda word: f"{word.removesuffix('s')}s",  # "solver" is understood too
         choices=("cases", "solvers", "metrics"),
     )
+    _add_files(verb, {"--solvers": "solver"})
 
 
 def _add_run(verbs) -> None:
@@ -224,6 +225,7 @@ def _add_show(verbs) -> None:
     verb = _add_verb(verbs, "show", "one case, or one run of it")
     verb.add_argument("case", metavar="CASE", help="such as discs[n=30], or a case file")
     verb.add_argument("-s", "--solver", metavar="SOLVER", help="run it with this method")
+    _add_files(verb, {"--solvers": "solver"})
     for name in ACCURACIES:
         verb.add_argument(f"--{name}", type=float)
     verb.add_argument(

@@ -21,10 +21,12 @@ from nsbench.case import (
     plugin_case_names,
 )
 from nsbench.cli.exit_codes import FINE
+from nsbench.cli.option_values import load_solver_files
 
 
 def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
     """List cases, solvers and metrics, or those of one kind."""
+    load_solver_files(args)
     for kind, list_kind in (
         ("cases", _list_cases),
         ("solvers", _list_solvers),

@@ -14,7 +14,7 @@ import numpy as np
 
 from nsbench import solvers
 from nsbench.case import Case, cases_of
-from nsbench.case.selection import split_path
+from nsbench.case.selection import python_files, split_path
 
 VALUES_PER_OCTAVE = 3.07  # of a range A..B: their ratios are not dyadic
 
@@ -33,6 +33,11 @@ def check_worker_options(args: argparse.Namespace) -> None:
         from nsbench.execute.workers.memory import parse_size
 
         args.memory = parse_size(args.memory)
+
+
+def load_solver_files(args: argparse.Namespace) -> list[str]:
+    """Register the methods of --solvers; return their names. Raises what solvers.load raises."""
+    return [solvers.load(file) for path in args.solver_files for file in python_files(path)]
 
 
 def check_cluster_options(args: argparse.Namespace) -> None:

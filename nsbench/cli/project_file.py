@@ -28,11 +28,13 @@ from nsbench.input_errors import nearest
 
 NAME = "nsbench.toml"
 MAX_BYTES = 1 << 20
+# verbs that know the methods of files
+USE_METHODS = ("run", "step", "gate", "calibrate", "show", "list_")
 # entry: type, and the option that it stands for, by verb
 ENTRIES = {
     "cases": (list, {"run": "cases", "gate": "case_files", "calibrate": "case_files"}),
     "methods": (list, {"run": "solver"}),
-    "method_files": (list, dict.fromkeys(("run", "step", "gate", "calibrate"), "solver_files")),
+    "method_files": (list, dict.fromkeys(USE_METHODS, "solver_files")),
     "suite": (str, {"run": "suite"}),
     "out": (str, {"run": "out", "gate": "dir", "calibrate": "dir"}),
     "references": (str, {"run": "references", "calibrate": "references", "reference": "into"}),

@@ -14,7 +14,7 @@ import numpy as np
 from nsbench import solvers
 from nsbench.case import Case
 from nsbench.cli.exit_codes import FAILED, FINE
-from nsbench.cli.option_values import find_one_case, read_accuracies
+from nsbench.cli.option_values import find_one_case, load_solver_files, read_accuracies
 from nsbench.execute.progress import EXPECTED_STATUSES
 from nsbench.trajectory import Trajectory
 
@@ -23,6 +23,7 @@ MOST_EVENTS = 40  # printed, the first ones
 
 def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
     """Show a case, or one run of it; 3 if the run ended with a status that is a failure."""
+    load_solver_files(args)
     case = find_one_case(args.case)
     say(
         f"{case.key}: {type(case.problem).__name__}, n = {case.n}, t = {case.t[0]:g} .. "

@@ -11,9 +11,8 @@ from collections.abc import Callable, Iterable
 
 from nsbench import solvers
 from nsbench.case import Case
-from nsbench.case.selection import python_files
 from nsbench.cli.exit_codes import FAILED, FINE
-from nsbench.cli.option_values import find_one_case
+from nsbench.cli.option_values import find_one_case, load_solver_files
 from nsbench.compilation.announcement import announced_compilation, is_watched
 from nsbench.execute.progress import Progress
 from nsbench.problem import Complementarity
@@ -29,7 +28,7 @@ def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
     from nsbench.study.step_choice import cheapest, choose, demand_of
 
     solvers.check_positive("--budget", args.budget)
-    added = [solvers.load(file) for path in args.solver_files for file in python_files(path)]
+    added = load_solver_files(args)
     case = find_one_case(args.case)
     demand = demand_of(case, args.error, args.overlap)
     known = [*solvers.standard(), *added]

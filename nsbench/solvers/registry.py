@@ -177,7 +177,8 @@ def get(spec: str) -> Solver:
         classes = {**classes, **_loaded}
     if name not in classes:
         known = [*classes, *plugins.plugin_names(plugins.SOLVERS)]
-        raise LookupError(f"no solver {name!r}; {nearest(name, known)}")
+        of_file = "one of your own: --solvers FILE, in Python nsbench.solvers.load(FILE)"
+        raise LookupError(f"no solver {name!r}; {nearest(name, known)}; {of_file}")
     known = {f.name for f in dataclasses.fields(classes[name])}
     for key in options:
         if key not in known:

@@ -6,10 +6,12 @@ import sys
 
 import pytest
 
+import nsbench
 from nsbench.case.selection import cases_of
 from nsbench.cli import main
 from nsbench.cli.arguments import build_parser
 from nsbench.cli.project_file import apply_project_file
+from nsbench.solvers import registry
 
 FALLS = '''"""A point that falls onto a floor: y' = -speed + lam, 0 <= y _|_ lam >= 0."""
 import numpy as np
@@ -55,6 +57,22 @@ def test_a_run_says_what_it_takes_from_the_file(folder, capsys):
     assert "from nsbench.toml: method_files, h\n" in capsys.readouterr().out
     assert main(["run", "falls.py", "--plan", "--probe", "0"]) == 0
     assert "from nsbench.toml: methods, method_files, h\n" in capsys.readouterr().out
+
+
+def test_methods_of_the_file_are_shown_and_listed(folder, capsys):
+    """Those of --solvers too; without either, the message says how a method of one's own is
+    named."""
+    for options in ([], ["--solvers", "clip.py"]):
+        assert main(["show", "falls.py", "-s", "clip", "--h", "0.05", *options]) == 0
+        assert capsys.readouterr().out.count("clip: ok.") == 1
+        assert main(["list", *options]) == 0
+        assert "\n  clip  " in capsys.readouterr().out
+        (folder / "nsbench.toml").unlink(missing_ok=True)
+        registry._loaded.clear()
+    assert main(["show", "falls.py", "-s", "clip", "--h", "0.05"]) == 2
+    assert "--solvers FILE, in Python nsbench.solvers.load(FILE)" in capsys.readouterr().err
+    with pytest.raises(LookupError, match=r"of a file: nsbench\.load_case\('falls\.py'\)"):
+        nsbench.solve("falls.py", "pbd")
 
 
 def test_the_command_that_is_stored_holds_the_options_of_the_file(folder):
