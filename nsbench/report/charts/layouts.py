@@ -210,7 +210,8 @@ def order_chart(methods: Methods, title: str, cases: int) -> Spec:
                 },
             },
             {
-                "mark": {"type": "point", "filled": True, "size": 46},
+                # thin strokes: those of 2 px, the default, fill the arms of a hollow cross
+                "mark": {"type": "point", "filled": True, "size": 64, "strokeWidth": 0.8},
                 "encoding": {
                     "x": {
                         "field": "x",
