@@ -18,7 +18,8 @@ def test_the_lines_that_repeat_a_figure_run(tmp_path, monkeypatch):
     env = {"argv": ["run", "tide", "-o", "my rows"], "folder": "my rows"}
     lines = repeat_lines(env | {"versions": {"nsbench": "0.1.0"}})
     assert "nsbench run tide -o 'my rows'\n" in lines and "nsbench report 'my rows' " in lines
-    assert "results" not in lines and "nsbench run CASE -s METHOD --h STEP -o again " in lines
+    assert "results" not in lines and "nsbench run CASE -s METHOD -o again " in lines
+    assert "--h STEP" in lines
     (tmp_path / "my rows").mkdir()
     rows = [row("tide", "pbd", h, state_sup=h, seconds=1e-3 / h) for h in (0.1, 0.05)]
     pandas.DataFrame(rows).to_parquet(tmp_path / "my rows" / "runs.parquet")
