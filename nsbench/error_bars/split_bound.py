@@ -117,10 +117,11 @@ class SplitBound:
         self._growth = np.exp(rates * path.H)
         self._added = path.added(rates)
         self._splits: dict[tuple, Split] = {}
-        # by interval the number of the run of arcs that it belongs to
-        self._run_of: list[int] = []
-        for number, (_, same) in enumerate(groupby(range(len(path.H)), self._kind)):
-            self._run_of += [number for _ in same]
+        # by interval where the run of arcs that it belongs to ends
+        self._ends: list[int] = []
+        for _, same in groupby(range(len(path.H)), self._kind):
+            places = list(same)
+            self._ends += [places[-1] + 1] * len(places)
         self._runs: dict[int, Run | None] = {}
 
     def split(self, contacts: tuple, j: int) -> Split:
@@ -154,17 +155,16 @@ class SplitBound:
 
     def _run(self, j: int) -> Run | None:
         """Return the run of arcs that interval j belongs to; None if it is no arc."""
-        number = self._run_of[j]
-        if number not in self._runs:
-            last = j + self._run_of[j:].count(number)
-            arcs = [self.path.stretches[k][0] for k in range(j, last)]
-            is_arc = len(arcs) > 1 or self._kind(j) != j
-            self._runs[number] = self._made_run(j, arcs) if is_arc else None
-        return self._runs[number]
+        last = self._ends[j]
+        if last not in self._runs:
+            is_arc = self._kind(j) != j
+            self._runs[last] = self._made_run(j, last) if is_arc else None
+        return self._runs[last]
 
-    def _made_run(self, j: int, arcs: list[Stretch]) -> Run:
+    def _made_run(self, j: int, last: int) -> Run:
+        arcs = [self.path.stretches[k][0] for k in range(j, last)]
         split = self.split(self._places(arcs[0]), j)
-        to = slice(j, j + len(arcs))
+        to = slice(j, last)
         return Run(j, split, self._arrays(arcs, split, self._growth[to], self._added[to]))
 
     def _arrays(self, stretches: list[Stretch], split: Split, growth, added) -> Stretches:
