@@ -242,7 +242,7 @@ def assemble_content(
             [*scaling.describe_wins(data), *performance_profiles.describe_profiles(data)]
         ),
         repeat=repeat_lines(data.env),
-        citation=citation(data.env, data.specs),
+        citation=citation(data.env, data.specs, len(data.case_keys)),
         studies=studies,
     )
 

@@ -19,11 +19,13 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from nsbench.case import Case
+from nsbench.reference import BadReference, build_missing, is_missing, reference
 from nsbench.study.attempt import run_batch
 from nsbench.study.describe import describe_case, describe_solver
 from nsbench.study.export import LATEX_COLUMNS, to_html, to_latex, to_xarray
@@ -107,15 +109,19 @@ def run(
     h: float | Iterable[float] | None = None,
     tol: float | Iterable[float] | None = None,
     k: float | Iterable[float] | None = None,
+    references: str | Path | None = None,
 ) -> Study:
     """Run cases (keys, or Case objects, as they are) with solvers (specs; None: the standard ones),
     in this process.
 
-    h, tol, k: accuracies that replace the standard ladders. The command line runs the same rows in
-    supervised workers with a journal. Raises ValueError for a Case object whose start violates its
-    constraints under a policy that forbids it.
+    h, tol, k: accuracies that replace the standard ladders. references: folder of references for
+    Case objects that have none; one that is missing there is built first, which takes seconds to
+    minutes (None: their errors are not known). The command line runs the same rows in supervised
+    workers with a journal. Raises ValueError for a Case object whose start violates its constraints
+    under a policy that forbids it.
     """
-    given = dict.fromkeys([cases] if isinstance(cases, (str, Case)) else cases)
+    chosen = dict.fromkeys([cases] if isinstance(cases, (str, Case)) else cases)
+    given = [_with_reference(c, references) for c in chosen]
     these = [(c.key, hand_over(c)) if isinstance(c, Case) else (c, "") for c in given]
     if len({key for key, _ in these}) < len(these):
         raise ValueError(f"two cases are named alike: {', '.join(sorted(key for key, _ in these))}")
@@ -136,3 +142,18 @@ def run(
         {key: describe_case(resolve(key, file)) for key, file in these},
         {spec: describe_solver(spec) for spec in dict.fromkeys(r["solver"] for r in rows)},
     )
+
+
+def _with_reference(case: str | Case, folder: str | Path | None) -> str | Case:
+    """Return a Case with the folder in which its reference lies, built if it has none anywhere."""
+    if folder is None or not isinstance(case, Case):
+        return case
+    try:
+        if reference(case) is not None:
+            return case
+    except BadReference:  # that of a registered case which was changed in Python
+        pass
+    own = case.replace(references=str(folder))
+    if is_missing(own):
+        build_missing(own)
+    return own

@@ -79,6 +79,15 @@ def test_what_cannot_be_drawn_is_refused_with_a_sentence(study):
         nsbench.run("tide", "pbd", h=[0.1]).plot.orders()
 
 
+def test_a_case_without_a_reference_gets_one_in_the_folder_named(tmp_path):
+    case = nsbench.get_case("tide").replace(name="own", exact=None)
+    study = nsbench.run(case, "pbd", h=[0.1, 0.05])
+    with pytest.raises(ValueError, match=r"own has no reference.*references=FOLDER"):
+        study.plot.error()
+    study = nsbench.run(case, "pbd", h=[0.1, 0.05], references=tmp_path)
+    assert len(points(study.plot.error())) > 1 and list(tmp_path.iterdir())
+
+
 def test_notebooks_get_the_specification_and_a_picture(study):
     bundle = study.plot.error()._repr_mimebundle_()
     spec = bundle["application/vnd.vegalite.v5+json"]

@@ -47,6 +47,14 @@ def test_a_study_without_an_environment_can_be_cited():
     assert "version = {VERSION}" in citation({}) and "2310.01215" in citation({})
 
 
+def test_the_report_has_an_entry_of_its_own():
+    env = {"written": "2026-11-29T19:37:08+00:00", "versions": {"nsbench": "0.1.0"}, "package": "ab"}
+    entry = citation(env, ["pbd", "euler"], 3).split("\n}\n")[0]
+    assert entry.startswith("@misc{nsbench-report,") and "year    = {2026}" in entry
+    assert "nsbench 0.1.0 on 3 cases with 2 methods" in entry and "2026-11-29, package ab" in entry
+    assert "nsbench-report" not in citation(env, ["pbd"])
+
+
 @pytest.mark.parametrize("versions", [{"nsbench": "0.2.0.dev123+g0123456789abcdef"}, {}, None, 3])
 def test_the_head_of_the_page_names_the_version_that_is_cited(tmp_path, versions):
     class Study:

@@ -28,6 +28,7 @@ from nsbench.report.style import Look, assign_looks, format_number
 from nsbench.report.summary import summarise
 from nsbench.trajectory import Trajectory
 
+HOW_TO_BUILD = "`nsbench.run(..., references=FOLDER)` builds one first"
 TITLES = {
     "state": "state error",
     "force": "error of the multipliers",
@@ -133,6 +134,9 @@ def _errors(data: Data, case, metric: str, axis: tuple[str, str], highlight: str
     by_reaction = any(runs.compared == "reaction" for runs in found)
     column = METRICS.get(metric, "reaction" if by_reaction else "impulse")
     points = [p for runs in found for p in _points(runs, column, x)]
+    if not points and all(set(runs.col["reference"]) <= {"", "none"} for runs in found):
+        why = (data.cases.get(case, {}).get("certificate") or {}).get("how") or HOW_TO_BUILD
+        raise ValueError(f"nothing to draw: {case} has no reference and no errors; {why}")
     floor = max((runs.floor(column) for runs in found), default=0.0)
     name_together(points)
     errors = [p["y"] for p in points if p["kind"] in ("error", "level")]

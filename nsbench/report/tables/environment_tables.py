@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterable
+from collections.abc import Collection
 
 import numpy as np
 
@@ -109,16 +109,31 @@ plt.legend(), plt.xlabel("seconds"), plt.ylabel("state error")
 plt.savefig("work_precision.pdf")"""
 
 
-def citation(env: dict, specs: Iterable[str] = ()) -> str:
-    """Write the BibTeX entries of the bench, of the method that it grew out of, and of `specs`."""
+def citation(env: dict, specs: Collection[str] = (), cases: int = 0) -> str:
+    """Write the BibTeX entries of the report (of `cases` cases, where it has any), of the bench, of
+    the method that it grew out of, and of `specs`.
+    """
+    package = f"package {sanitise(env.get('package', 'unknown'), 80)}"
+    version = version_of(env) or UNKNOWN_VERSION
+    report = f"""\
+@misc{{nsbench-report,
+  title   = {{Report of nsbench {version} on {cases} cases with {len(specs)} methods}},
+{_year_of(env)}  note    = {{runs of {_day_of(env)}, {package}}}
+}}
+"""
     return f"""\
-@software{{nsbench,
+{report if cases else ""}@software{{nsbench,
   author  = {{{{the nsbench developers}}}},
   title   = {{nsbench: a test bench for Filippov and complementarity systems of first order}},
-  version = {{{version_of(env) or UNKNOWN_VERSION}}},
-{_year_of(env)}  note    = {{package {sanitise(env.get("package", "unknown"), 80)}}}
+  version = {{{version}}},
+{_year_of(env)}  note    = {{{package}}}
 }}
 {bibtex_of(specs)}"""
+
+
+def _day_of(env: dict) -> str:
+    """Return the day on which the runs were made; "an unknown day" where it is not stored."""
+    return sanitise(env.get("written") or "", 40)[:10] or "an unknown day"
 
 
 def _year_of(env: dict) -> str:
