@@ -72,7 +72,7 @@ WRONG_METHODS = {
         "no state kept",
     ),
     "half of the drift": ("x + step * f", "x + 0.5 * step * f", "state: order 1 is claimed"),
-    "one per cent more drift": ("x + step * f", "x + 1.01 * step * f", "and level off"),
+    "one per cent more drift": ("x + step * f", "x + 1.01 * step * f", "they level off"),
     "an order that is not there": ("state=1.0", "state=2.0", "order 2 is claimed.*of order 1"),
     "state that is kept": ("x = np.maximum(y, 0.0)", "memory[:] += 1e-3; x = np.maximum(y + memory, 0)", "called again"),
     "not a number": ("np.array(X), ", "np.array(X) * np.nan, ", "not finite"),
@@ -121,6 +121,36 @@ def test_a_wrong_method_is_found(tmp_path, name):
     assert old in METHOD
     violations, _ = said_of(tmp_path, METHOD.replace(old, new))
     assert violations and re.search(sentence, " ".join(violations)), violations
+
+
+FIRST_LADDER = (2, 3, 5, 7, 11, 17, 27, 41, 64, 101)  # steps between two samples of tide
+
+
+def test_a_claim_that_holds_is_not_judged_again_because_another_fails(tmp_path):
+    """Multipliers that are right with the numbers of steps of the first ladder only.
+
+    With a right claim of the state they are fine, and with a wrong one they are fine too.
+    """
+    text = METHOD.replace("push = x - y", f"push = (x - y) * (2 - (n in {FIRST_LADDER}))")
+    assert not said_of(tmp_path, text, "right")[0]
+    violations, said = said_of(tmp_path, text.replace("state=1.0", "state=2.0"), "wrong")
+    assert [v.split(": ")[1] for v in violations] == ["state"], violations
+    assert re.search("multipliers of order 1.0.* on 10 steps h from 0.025 to 0.0005;", said[-1])
+
+
+def test_the_ladder_on_which_a_verdict_stands_is_named(tmp_path):
+    (sentence,), said = said_of(tmp_path, METHOD.replace("state=1.0", "state=2.0"))
+    last = "on 19 steps h from 0.025 to 0.00032 (the ladder of the standard suite"
+    first = "10 steps h from 0.025 to 0.0005 contradict the claim"
+    assert f"are of order 1.00 {last}; {first} too)" in sentence
+    assert f"state of order 1.00 {last}, as {first})" in said[-1]
+
+
+def test_errors_that_show_no_order_are_not_said_to_be_of_one(tmp_path):
+    text = METHOD.replace("np.array(I), np.array(I)", "np.array(I), 2 * np.array(I)")
+    (sentence,), said = said_of(tmp_path, text)
+    no_order = "of no order: they level off (slope of the fit 0.00, not an order)"
+    assert f"are {no_order}" in sentence and f"reaction {no_order}" in said[-1]
 
 
 def test_a_method_of_a_file_is_checked_with_options(tmp_path):

@@ -84,12 +84,15 @@ def fit_order(
     ladder = float(np.log2(h[-1] / h[0])) if len(h) > 1 else 0.0
     base = Fit(octaves=ladder, dropped=dropped)
     if len(h) < 3:
-        return replace(base, sentence=f"{len(h)} usable steps: no order from fewer than 3.")
+        few = f"{len(h)} usable steps"
+        said = f"{few}: no order from fewer than 3."
+        return replace(base, reason=f"{few}; 3 are needed", sentence=said)
     noise = rounding(h, scale, span, accuracy)
     if np.all(err <= noise):
         return replace(
             base,
             verdict="exact: no order",
+            reason="all errors are rounding",
             sentence=f"Exact at the samples: all errors are rounding (at most {err.max():.1e}); "
             f"no order.",
         )
@@ -108,11 +111,8 @@ def fit_order(
     err = err[~apart]
     line = fit_line(h, err, base)
     # a plateau bends like a slow start, divergence like neither: asked in this order
-    fit = (
-        _levels_off(h, err, line, known, why, multipliers_unique, reaction)
-        or (None if phase else _diverges(h, line))
-        or _power(h, err, line, known, why)
-    )
+    fit = _levels_off(h, err, line, known, why, multipliers_unique, reaction)
+    fit = fit or (None if phase else _diverges(h, line)) or _power(h, err, line, known, why)
     return replace(fit, sentence=f"{fit.sentence}{describe_slopes(fit)}")
 
 
@@ -153,13 +153,19 @@ def _too_few_above(err, noise, known: float, above: int, mixed: str, base: Fit) 
         if below
         else ("undecided", "rounding")
     )
-    said = f"Only {above} errors lie above {limit} ({max(known, noise[0]):.1e}): no order."
+    few = f"only {above} errors lie above {limit} ({max(known, noise[0]):.1e})"
     return replace(
         base,
         verdict=verdict,
         points=above,
-        sentence=f"No verdict ({mixed})." if mixed else said,
+        reason=mixed or few,
+        sentence=f"No verdict ({mixed})." if mixed else f"{_capital(few)}: no order.",
     )
+
+
+def _capital(text: str) -> str:
+    """Begin a sentence with these words."""
+    return text[:1].upper() + text[1:]
 
 
 def _levels_off(h, err, line: Fit, known, why, unique, reaction) -> Fit | None:
@@ -187,7 +193,7 @@ def _levels_off(h, err, line: Fit, known, why, unique, reaction) -> Fit | None:
         C = full.C
         order = full.p
         constant = full.M
-    seen = f"The error levels off near {C:.1e}"
+    seen = f"the error levels off near {C:.1e}"
     reasons = [
         text
         for bad, text in (
@@ -202,16 +208,18 @@ def _levels_off(h, err, line: Fit, known, why, unique, reaction) -> Fit | None:
         if bad
     ]
     if reasons:
-        return replace(line, sentence=f"{seen}, but no plateau is claimed: {'; '.join(reasons)}.")
+        doubt = f"{seen}, but no plateau is claimed: {'; '.join(reasons)}"
+        return replace(line, reason=doubt, sentence=f"{_capital(doubt)}.")
     return replace(
         line,
         verdict="plateau",
         plateau=C,
         order=order,
         constant=constant,
-        sentence=f"{seen}: a plateau, rejected as a power law at 0.1 %."
+        reason=seen,
+        sentence=f"{_capital(seen)}: a plateau, rejected as a power law at 0.1 %."
         if not flat
-        else f"{seen} for all {len(h)} steps: it does not fall with the step.",
+        else f"{_capital(seen)} for all {len(h)} steps: it does not fall with the step.",
     )
 
 
@@ -268,6 +276,7 @@ def _diverges(h, line: Fit) -> Fit | None:
     return replace(
         line,
         verdict="diverges",
+        reason="the error grows as the step shrinks",
         sentence=f"The error grows as the step shrinks: slope {line.order:.3f} "
         f"[{lo:.3f}, {hi:.3f}] from {len(h)} steps in [{h[0]:.2e}, {h[-1]:.2e}].",
     )
@@ -304,10 +313,13 @@ def _power(h, err, line: Fit, known: float, why: str) -> Fit:
             f"with {FEWEST} are needed"
         )
     if why:
-        return replace(fit, sentence=f"No verdict ({why}): {said}.")
+        return replace(fit, reason=why, sentence=f"No verdict ({why}): {said}.")
     if not settled or headed.edge:
         return replace(
-            fit, verdict="pre-asymptotic", sentence=f"The local slope still drifts: {said}."
+            fit,
+            verdict="pre-asymptotic",
+            reason="the local slope still drifts",
+            sentence=f"The local slope still drifts: {said}.",
         )
     if hi - lo > WIDE:
         doubt = f"the interval is wider than {WIDE:g}: more steps are needed"
@@ -321,7 +333,8 @@ def _power(h, err, line: Fit, known: float, why: str) -> Fit:
         return replace(
             fit, verdict="order", sentence=f"Order: {said}, constant {fit.constant:.3g}."
         )
-    return _bounded(h, err, fit) or replace(fit, sentence=f"No verdict ({doubt}): {said}.")
+    undecided = replace(fit, reason=doubt, sentence=f"No verdict ({doubt}): {said}.")
+    return _bounded(h, err, fit) or undecided
 
 
 def _bounded(h, err, fit: Fit) -> Fit | None:

@@ -43,6 +43,9 @@ class Fit:
     dropped    points left out, by reason
     octaves    length of the whole ladder
     sentence   all this for a reader
+    reason     why no order was found, in words; "" where the verdict is "order"
+
+    Without the verdict "order", `order` is the slope of a fit and answers nothing.
     """
 
     order: float = np.nan
@@ -61,29 +64,52 @@ class Fit:
     envelope_interval: tuple[float, float] = NAN2
     line: float = np.nan
     head: float = np.nan
+    reason: str = ""
 
     def __repr__(self) -> str:
-        """Return verdict, order, interval and constant in a line; the rest are attributes."""
+        """Return verdict, order, interval and constant in a line; the rest are attributes.
+
+        Of no order, the reason comes first and the slope of the fit after it.
+        """
+        low, high = self.interval
+        if self.verdict == "order":
+            return (
+                f"Fit(order, order {self.order:.3f} [{low:.3f}, {high:.3f}], constant "
+                f"{self.constant:.3g}, {self.points} points)"
+            )
         if np.isfinite(self.plateau):
             return f"Fit({self.verdict} at {self.plateau:.3g}, {self.points} points)"
-        if not np.isfinite(self.order):
-            return f"Fit({self.verdict}, {self.points} points)"
+        parts = (self._no_order(), self._slope(), f"{self.points} points")
+        return f"Fit({', '.join(filter(None, parts))})"
+
+    def _no_order(self) -> str:
+        """Say that no order was found, with the verdict and why."""
+        said = self.verdict if self.verdict.endswith("no order") else f"{self.verdict}: no order"
+        return f"{said} ({self.reason})" if self.reason else said
+
+    def _slope(self) -> str:
+        """Return the slope of a fit that shows no order, as no more than that; "" without one."""
+        if not np.isfinite(self.line):
+            return ""
         low, high = self.interval
-        return (
-            f"Fit({self.verdict}, order {self.order:.3f} [{low:.3f}, {high:.3f}], constant "
-            f"{self.constant:.3g}, {self.points} points)"
-        )
+        return f"slope of the fit {self.order:.3f} [{low:.3f}, {high:.3f}], not an order"
 
     def _repr_html_(self) -> str:
-        """Return verdict, order, window and sentence as a table, for notebooks."""
-        lines = [
-            ("verdict", self.verdict),
-            ("order", f"{self.order:.3f}"),
-            ("95 % interval", f"{self.interval[0]:.3f} to {self.interval[1]:.3f}"),
-            ("constant", f"{self.constant:.3g}"),
-            ("window", f"{self.window[0]:.3g} to {self.window[1]:.3g}, {self.points} points"),
-            ("in words", self.sentence),
-        ]
+        """Return verdict, order or why there is none, window and sentence as a table."""
+        lines = [("verdict", self.verdict)]
+        if self.verdict == "order":
+            lines += [
+                ("order", f"{self.order:.3f}"),
+                ("95 % interval", f"{self.interval[0]:.3f} to {self.interval[1]:.3f}"),
+                ("constant", f"{self.constant:.3g}"),
+            ]
+        else:
+            parts = (self.reason, "" if np.isfinite(self.plateau) else self._slope())
+            lines.append(("order", "; ".join(filter(None, ("none found", *parts)))))
+        if np.isfinite(self.window[0]):
+            window = f"{self.window[0]:.3g} to {self.window[1]:.3g}, {self.points} points"
+            lines.append(("window", window))
+        lines.append(("in words", self.sentence))
         return summary_table("Order of convergence", lines)
 
 
