@@ -7,43 +7,6 @@ const answer = {
   waiting: null, // the chart to be drawn
   PENALTY: 10, // an error not reached costs so many times the slowest method that reaches it
 
-  // Does a word name a case? name[p=v] names all whose name and those parameters are the same.
-  names(word, name) {
-    const parts = /^([^[\]]+)\[([^\]]*)\]$/;
-    const [asked, found] = [word.match(parts), name.toLowerCase().match(parts)];
-    const given = found ? found[2].split(",") : [];
-    return asked && found && asked[1] === found[1]
-      && asked[2].split(",").every((parameter) => given.includes(parameter));
-  },
-
-  words() {
-    return document.getElementById("answer-words").value.toLowerCase().split(/\s+/).filter(Boolean);
-  },
-
-  // Does a case have a word in its name, class, tags or text?
-  has(one, word) {
-    const about = document.querySelector(`[id="${one.id}"] .about`)?.textContent ?? "";
-    const text = [one.name, one.group, ...one.tags, about].join(" ").toLowerCase();
-    // a number is the value of a parameter: 30 of discs[n=30,seed=0]
-    return /^[\d.]+$/.test(word) ? one.name.split(/[[\],=]/).includes(word)
-      : text.includes(word) || answer.names(word, one.name);
-  },
-
-  // Pairs of the cases chosen by class and words.
-  selection() {
-    const group = document.getElementById("answer-group").value;
-    const words = answer.words();
-    const data = nsbench.data;
-    const cases = new Set();
-    data.cases.forEach((one, k) => {
-      const fits = words.every((word) => answer.has(one, word));
-      if (fits && (!group || one.group === group)) {
-        cases.add(k);
-      }
-    });
-    return { cases: [...cases], pairs: data.pairs.filter((pair) => cases.has(pair.c)) };
-  },
-
   // Seconds of a pair at target k, if they may be compared: a compiled loop that was timed.
   timed(pair, k) {
     const cost = pair.cost[k];
@@ -58,7 +21,7 @@ const answer = {
 
   // Rank the methods: [{method, reached, cheapest, mean, step, failed, refused, trust}].
   rank(k) {
-    const { cases, pairs } = answer.selection();
+    const { cases, pairs } = chosen.pairs();
     const best = new Map(); // by case: the cost of the cheapest, and the slowest seconds
     for (const pair of pairs) {
       const cost = answer.timed(pair, k);
@@ -155,7 +118,7 @@ const answer = {
     document.getElementById("answer-error").setAttribute("aria-valuetext", `error ${label}`);
     const { rows, best, cases, absent } = answer.rank(k);
     answer.sentence(rows, best, cases, label);
-    answer.table(k, rows, cases);
+    answer.table(k, rows, cases, best);
     answer.refusing(absent);
     answer.byCase(k, best, cases);
     // the chart takes longest: it follows when sentence and tables are seen, once in a quick slide
@@ -168,7 +131,7 @@ const answer = {
     const first = rows.find((row) => row.timed);
     if (!cases.length) {
       const { cases: every } = nsbench.data;
-      const unknown = answer.words().filter((word) => !every.some((one) => answer.has(one, word)));
+      const unknown = chosen.words().filter((word) => !every.some((one) => chosen.has(one, word)));
       const all = unknown.map((word) => `“${word}”`).join(" or ");
       target.textContent = unknown.length ? `No case has ${all}.` : "No case has all of this.";
       return;
@@ -185,6 +148,8 @@ const answer = {
     const all = `${cases.length} case${cases.length === 1 ? "" : "s"}`;
     const some = `the ${best.size} of ${all} on which a compiled method reaches it`;
     const over = best.size === cases.length ? all : some;
+    const penalties = best.size - first.timed;
+    const penalised = penalties ? `, with a penalty on ${penalties} of them` : "";
     const winners = rows.filter((row) => row.cheapest).sort((a, b) => b.cheapest - a.cheapest);
     const words = winners.slice(0, 3).flatMap((row, i) => [
       i ? ", " : "",
@@ -194,7 +159,7 @@ const answer = {
     target.replaceChildren(
       `For an error of ${label} take `,
       nsbench.chip(first.method),
-      `: it has the least mean of seconds over ${over}. Cheapest: `,
+      `: it has the least mean of seconds over ${over}${penalised}. Cheapest: `,
       ...words,
       "."
     );
@@ -224,7 +189,7 @@ const answer = {
       ` (${setting}${seconds}).`);
   },
 
-  table(k, rows, cases) {
+  table(k, rows, cases, best) {
     const several = cases.length > 1;
     const named = (pair) => (several ? nsbench.data.cases[pair.c].name : null);
     const body = document.querySelector("#t-answer tbody");
@@ -242,8 +207,7 @@ const answer = {
         const line = nsbench.make("tr", { "data-method": nsbench.data.methods[row.method].name });
         line.append(
           nsbench.make("td", { class: "method" }, explore.chartLink(row.method, null, cases)),
-          row.reached ? cell(row.timed ? `× ${nsbench.format(row.mean / least)}` : "not compared")
-            : answer.missed(row.misses, k, named),
+          row.reached ? answer.mean(row, least, best.size) : answer.missed(row.misses, k, named),
           reached,
           cell(row.timed || row.cheapest || !row.untimed
             ? `${row.cheapest}${tie}` : "not compared"),
@@ -256,6 +220,17 @@ const answer = {
         return line;
       })
     );
+  },
+
+  // A cell for the mean of a method, marked where penalties are part of it: each of `solved` cases
+  // on which it has no seconds to compare counts as one.
+  mean(row, least, solved) {
+    const penalties = solved - row.timed;
+    const marked = row.timed > 0 && penalties > 0;
+    const text = row.timed ? `× ${nsbench.format(row.mean / least)}` : "not compared";
+    const small = nsbench.make("small", {}, `penalty on ${penalties} of ${solved} cases`);
+    return nsbench.make("td", { class: "number" }, text + (marked ? " *" : ""),
+      ...(marked ? [small] : []));
   },
 
   // Methods that stand in no row of the table, since they refuse every case in it.
