@@ -39,7 +39,7 @@ const answer = {
       const row = rows.get(pair.m) ?? {
         method: pair.m,
         reached: 0,
-        untimed: 0,
+        hosted: [], // cases where it reaches the error, but its seconds are not compared
         cheapest: 0,
         ties: 0,
         logs: new Map(),
@@ -69,7 +69,7 @@ const answer = {
       row.misses.push(...(pair.cost[k] ? [] : [pair]));
       row.cheapest += answer.measured(pair, k) ? 1 : 0;
       const cost = answer.timed(pair, k);
-      row.untimed += pair.cost[k] && !cost ? 1 : 0;
+      row.hosted.push(...(pair.cost[k] && !cost ? [pair.c] : []));
       if (cost) {
         const first = best.get(pair.c);
         // a tie: the lower quartile is not above the upper quartile of the cheapest
@@ -86,6 +86,8 @@ const answer = {
       }
       row.mean = best.size ? Math.exp(sum / best.size) - answer.SHIFT : null;
       row.timed = row.factors.length;
+      row.untimed = row.hosted.length;
+      row.unmeasured = answer.unmeasured(row, best);
     }
     const order = [...rows.values()].filter((row) => row.tried);
     order.sort((a, b) => (b.timed > 0) - (a.timed > 0) || a.mean - b.mean || b.reached - a.reached);
@@ -118,7 +120,7 @@ const answer = {
     document.getElementById("answer-error").setAttribute("aria-valuetext", `error ${label}`);
     const { rows, best, cases, absent } = answer.rank(k);
     answer.sentence(rows, best, cases, label);
-    answer.table(k, rows, cases, best);
+    answer.table(k, rows, cases);
     answer.refusing(absent);
     answer.byCase(k, best, cases);
     // the chart takes longest: it follows when sentence and tables are seen, once in a quick slide
@@ -148,8 +150,7 @@ const answer = {
     const all = `${cases.length} case${cases.length === 1 ? "" : "s"}`;
     const some = `the ${best.size} of ${all} on which a compiled method reaches it`;
     const over = best.size === cases.length ? all : some;
-    const penalties = best.size - first.timed;
-    const penalised = penalties ? `, with a penalty on ${penalties} of them` : "";
+    const counted = first.unmeasured && ` (ten times the slowest counts for ${first.unmeasured})`;
     const winners = rows.filter((row) => row.cheapest).sort((a, b) => b.cheapest - a.cheapest);
     const words = winners.slice(0, 3).flatMap((row, i) => [
       i ? ", " : "",
@@ -159,7 +160,7 @@ const answer = {
     target.replaceChildren(
       `For an error of ${label} take `,
       nsbench.chip(first.method),
-      `: it has the least mean of seconds over ${over}${penalised}. Cheapest: `,
+      `: it has the least mean of seconds over ${over}${counted}. Cheapest: `,
       ...words,
       "."
     );
@@ -189,7 +190,7 @@ const answer = {
       ` (${setting}${seconds}).`);
   },
 
-  table(k, rows, cases, best) {
+  table(k, rows, cases) {
     const several = cases.length > 1;
     const named = (pair) => (several ? nsbench.data.cases[pair.c].name : null);
     const body = document.querySelector("#t-answer tbody");
@@ -207,7 +208,7 @@ const answer = {
         const line = nsbench.make("tr", { "data-method": nsbench.data.methods[row.method].name });
         line.append(
           nsbench.make("td", { class: "method" }, explore.chartLink(row.method, null, cases)),
-          row.reached ? answer.mean(row, least, best.size) : answer.missed(row.misses, k, named),
+          row.reached ? answer.mean(row, least) : answer.missed(row.misses, k, named),
           reached,
           cell(row.timed || row.cheapest || !row.untimed
             ? `${row.cheapest}${tie}` : "not compared"),
@@ -222,15 +223,20 @@ const answer = {
     );
   },
 
-  // A cell for the mean of a method, marked where penalties are part of it: each of `solved` cases
-  // on which it has no seconds to compare counts as one.
-  mean(row, least, solved) {
-    const penalties = solved - row.timed;
-    const marked = row.timed > 0 && penalties > 0;
+  // Which of the cases of a mean were not measured: "11 missed of 40"; "" where all were.
+  unmeasured({ timed, hosted }, best) {
+    const slow = hosted.filter((c) => best.has(c)).length;
+    const missed = best.size - timed - slow;
+    const parts = [missed ? [`${missed} missed`] : [], slow ? [`${slow} in a host loop`] : []];
+    return missed + slow ? `${parts.flat().join(", ")} of ${best.size}` : "";
+  },
+
+  // A cell for the mean of a method, marked where not all of its cases were measured.
+  mean(row, least) {
+    const marked = row.timed && row.unmeasured;
     const text = row.timed ? `× ${nsbench.format(row.mean / least)}` : "not compared";
-    const small = nsbench.make("small", {}, `penalty on ${penalties} of ${solved} cases`);
     return nsbench.make("td", { class: "number" }, text + (marked ? " *" : ""),
-      ...(marked ? [small] : []));
+      ...(marked ? [nsbench.make("small", {}, row.unmeasured)] : []));
   },
 
   // Methods that stand in no row of the table, since they refuse every case in it.
