@@ -11,7 +11,14 @@ from nsbench.case.scale import Scale
 from nsbench.problem import Affine
 from nsbench.report import assemble, data, scaling, write_report
 from nsbench.report.summary import summarise
-from nsbench.report.tables import error_bar_table, error_table, failure_tables, reliability_tables
+from nsbench.report.tables import (
+    coarsest_table,
+    error_bar_table,
+    error_table,
+    failure_tables,
+    reliability_tables,
+)
+from nsbench.studies.registry import find_study
 from nsbench.study.describe import describe_case
 
 
@@ -194,3 +201,31 @@ def test_a_proven_bound_below_the_error_is_called_a_fault():
         "Of 6 proven bounds (6 of the state) 1 is below the error, which is a fault: "
         "pbd on apple (down to 0.999960 times)."
     )
+
+
+def test_the_largest_steps_are_counted_with_their_failures_and_violations():
+    """Of each case one run of each method, the coarsest that is not refused."""
+    rows = [
+        row("tide", "pbd", 0.1, feasibility=0.5),
+        row("tide", "pbd", 0.05, feasibility=0.9),
+        row("hex", "pbd", 0.1, status="diverged", feasibility=7.0),
+        row("hex", "pbd", 0.2, status="refused"),
+        row("apple", "pbd", 0.1, feasibility=0.3),
+        row("tide", "penalty", 1 / 30, "k", asked=30.0, feasibility=0.2),
+        {**row("tide", "penalty", 1e-3, "k", asked=1000.0), "h": None, "status": "timeout"},
+        row("hex", "catching_up", 0.1, status="refused"),
+    ]
+    read = data.build(data.columns_of(rows), cases={"tide": {"own_length": 2.0}})
+    table = coarsest_table.coarsest_table(read)
+    lines = {r.solver: [(c.text, c.small) for c in r.cells[1:]] for r in table.rows}
+    assert lines == {
+        "pbd": [
+            ("3", ""),
+            ("1", "1 diverged"),
+            ("25 %", "tide, h = 0.1"),
+            ("0.3", "apple, h = 0.1"),
+        ],
+        "penalty": [("1", ""), ("0", ""), ("10 %", "tide, k = 30"), ("none known", "")],
+    }
+    assert [r.cells[2].kind for r in table.rows] == ["bad", "number"]
+    assert f"nsbench study {find_study('stability').name} " in table.note
