@@ -102,7 +102,7 @@ def test_a_mean_that_holds_penalties_is_marked_and_their_number_stands_below(ope
     page.wait_for_selector(DRAWN)
     means = {method: cells[1] for method, cells in live_cells(page, 4).items()}
     assert means["pbd"] == "× 1"
-    assert re.fullmatch(r"× [\d.]+ \*1 missed of 2", means["catching_up"])
+    assert re.fullmatch(r"× [\d.]+ \*1 of 2 missed", means["catching_up"])
     assert "A mean with * is not made of measurements alone" in page.inner_text("#answer")
     assert "slowest" not in page.inner_text("#answer-sentence")
     means = {method: cells[1] for method, cells in live_cells(page, 2).items()}
@@ -116,7 +116,7 @@ def test_the_method_that_is_advised_although_it_misses_a_case_is_said_to(open_pa
     page.wait_for_selector(DRAWN)
     live_cells(page, 4)
     said = page.inner_text("#answer-sentence")
-    assert " over 2 cases (ten times the slowest counts for 1 missed of 2). Cheapest: " in said
+    assert " over 2 cases (with ten times the slowest for 1 of 2 missed). Cheapest: " in said
     assert page.said == []
 
 
@@ -129,5 +129,5 @@ def test_a_mean_says_which_cases_are_not_measured_since_they_ran_in_a_host_loop(
     page = open_page(addresses(tmp_path, rows))
     page.wait_for_selector(DRAWN)
     cells = live_cells(page, 4)["catching_up"]
-    assert cells[1].endswith(" *1 missed, 1 in a host loop of 3")
+    assert cells[1].endswith(" *1 of 3 missed, 1 in a host loop")
     assert cells[2] == "2 of 31 in a host loop"

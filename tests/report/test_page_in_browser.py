@@ -220,6 +220,8 @@ def test_steps_of_all_runs_are_in_full_for_screen_readers_and_by_the_keyboard(pa
     box.focus()
     page.keyboard.press("Space")
     assert width("full")["width"] > 50 and width("rounded") is None
+    page.set_viewport_size({"width": 390, "height": 800})  # columns are narrower there
+    assert width("full")["width"] < cell.bounding_box()["width"]
     page.keyboard.press("Space")
     assert width("full")["width"] <= 1 and page.said == []
 

@@ -150,7 +150,7 @@ const answer = {
     const all = `${cases.length} case${cases.length === 1 ? "" : "s"}`;
     const some = `the ${best.size} of ${all} on which a compiled method reaches it`;
     const over = best.size === cases.length ? all : some;
-    const counted = first.unmeasured && ` (ten times the slowest counts for ${first.unmeasured})`;
+    const counted = first.unmeasured && ` (with ten times the slowest for ${first.unmeasured})`;
     const winners = rows.filter((row) => row.cheapest).sort((a, b) => b.cheapest - a.cheapest);
     const words = winners.slice(0, 3).flatMap((row, i) => [
       i ? ", " : "",
@@ -223,12 +223,14 @@ const answer = {
     );
   },
 
-  // Which of the cases of a mean were not measured: "11 missed of 40"; "" where all were.
+  // Which of the cases of a mean were not measured: "11 of 40 missed"; "" where all were.
   unmeasured({ timed, hosted }, best) {
     const slow = hosted.filter((c) => best.has(c)).length;
     const missed = best.size - timed - slow;
-    const parts = [missed ? [`${missed} missed`] : [], slow ? [`${slow} in a host loop`] : []];
-    return missed + slow ? `${parts.flat().join(", ")} of ${best.size}` : "";
+    const all = ` of ${best.size}`;
+    const parts = [missed ? [`${missed}${all} missed`] : [],
+      slow ? [`${slow}${missed ? "" : all} in a host loop`] : []];
+    return parts.flat().join(", ");
   },
 
   // A cell for the mean of a method, marked where not all of its cases were measured.
