@@ -42,6 +42,7 @@ from nsbench.report.tables.environment_tables import (
     repeat_lines,
     version_of,
 )
+from nsbench.report.tables.coarsest_table import coarsest_table
 from nsbench.report.tables.equal_error_tables import (
     choice_table,
     ranking_table,
@@ -200,6 +201,7 @@ def assemble_content(
         seeds_table(data),
         failures_table(data),
         study_failures_table(studies),
+        coarsest_table(data),
         environment_table(data.env),
         citation_table(data.specs),
         glossary_table(data),

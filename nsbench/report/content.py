@@ -42,7 +42,7 @@ class Content:
 
     title, lede: of the header. headline: the answer in a sentence. statements: opening sentences.
     tables: by key (ranking, choice, orders, speed, sizes, scaling, clock, seeds, failures,
-    study-failures, environment, citations, glossary, those of TRUST_TABLES).
+    study-failures, coarsest, environment, citations, glossary, those of TRUST_TABLES).
     data, summaries: rows and fits, summaries by (case, method). looks: by method. ids: by case.
     panels: SVG elements by case. notes: sentences by case. speeds: factors at equal error.
     talk: SVG of the talk's figure, "" if there is none, with its sentence.

@@ -60,7 +60,7 @@ LINKED_TABLES = {  # tables to whose rows the section of a case leads, and the w
     "references": "the reference and how far to rely on it",
 }
 PLAYER_SCRIPTS = ("charts.js", "scenes.js", "player.js", "start.js")  # of a page with one player
-SCRIPTS = ("page.js", "answer.js", "explore.js", "save.js", *PLAYER_SCRIPTS)
+SCRIPTS = ("page.js", "chosen.js", "answer.js", "explore.js", "save.js", *PLAYER_SCRIPTS)
 _URI_SAFE = " !$()*+,-./:;=?@[]^_`{|}~"  # characters that stay as they are in a data URI
 WIDE_ASPECT = 2.5  # width over height of a scene of frames side by side: above the text
 BROAD_ASPECT = 1.5  # of a plane: beside the text, but broader than a box of particles

@@ -17,6 +17,7 @@ from nsbench.report.tables.reliability_tables import describe_reference
 
 FAILURE_TABLES = (  # below that of the runs: key of Content.tables, heading
     ("study-failures", "Cells of studies that did not end well"),
+    ("coarsest", "With the largest steps"),
     ("seeds", "Over seeds"),
 )
 

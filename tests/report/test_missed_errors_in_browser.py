@@ -3,7 +3,7 @@
 import re
 
 import pytest
-from report_rows import SOLVERS, made
+from report_rows import SOLVERS, made, row
 
 from nsbench import write_report
 from nsbench.report import cost, data, summary
@@ -85,3 +85,49 @@ def test_a_case_whose_error_nobody_reaches_names_the_method_that_gets_there_firs
     cells = page.locator("#t-answer-cases tbody tr td").all_text_contents()
     assert cells[1] in ("pbd", "catching_up")
     assert re.fullmatch(r"needs h = \S+, about .* \(extrapolated\)", cells[2])
+
+
+def stopping(case, solver, least, seconds):
+    """Rows of a method of first order with errors from 0.1 down to `least`."""
+    steps = [0.1 / 2**k for k in range(12) if 0.1 / 2**k >= least]
+    return [row(case, solver, h, state_sup=h, seconds=seconds / h) for h in steps]
+
+
+def test_a_mean_that_holds_penalties_is_marked_and_their_number_stands_below(open_page, tmp_path):
+    """At 1e-3 catching_up misses one of two cases: ten times the seconds of pbd count there."""
+    rows = stopping("tide", "pbd", 1e-4, 1e-5) + stopping("apple", "pbd", 1e-4, 1e-5)
+    rows += stopping("tide", "catching_up", 1e-4, 2e-5)
+    rows += stopping("apple", "catching_up", 5e-3, 1e-5)
+    page = open_page(addresses(tmp_path, rows))
+    page.wait_for_selector(DRAWN)
+    means = {method: cells[1] for method, cells in live_cells(page, 4).items()}
+    assert means["pbd"] == "× 1"
+    assert re.fullmatch(r"× [\d.]+ \*1 of 2 missed", means["catching_up"])
+    assert "A mean with * is not made of measurements alone" in page.inner_text("#answer")
+    assert "slowest" not in page.inner_text("#answer-sentence")
+    means = {method: cells[1] for method, cells in live_cells(page, 2).items()}
+    assert not any("*" in mean for mean in means.values()), "both reach 1e-2 on both cases"
+
+
+def test_the_method_that_is_advised_although_it_misses_a_case_is_said_to(open_page, tmp_path):
+    rows = stopping("tide", "pbd", 1e-4, 1e-5) + stopping("apple", "pbd", 1e-2, 1e-5)
+    rows += stopping("apple", "catching_up", 1e-4, 1e-3)
+    page = open_page(addresses(tmp_path, rows))
+    page.wait_for_selector(DRAWN)
+    live_cells(page, 4)
+    said = page.inner_text("#answer-sentence")
+    assert " over 2 cases (with ten times the slowest for 1 of 2 missed). Cheapest: " in said
+    assert page.said == []
+
+
+def test_a_mean_says_which_cases_are_not_measured_since_they_ran_in_a_host_loop(
+    open_page, tmp_path
+):
+    rows = [r for c in ("tide", "apple", "hex") for r in stopping(c, "pbd", 1e-4, 1e-5)]
+    rows += stopping("tide", "catching_up", 1e-4, 1e-3)
+    rows += [r | {"loop": "host"} for r in stopping("apple", "catching_up", 1e-4, 1e-3)]
+    page = open_page(addresses(tmp_path, rows))
+    page.wait_for_selector(DRAWN)
+    cells = live_cells(page, 4)["catching_up"]
+    assert cells[1].endswith(" *1 of 3 missed, 1 in a host loop")
+    assert cells[2] == "2 of 31 in a host loop"

@@ -204,6 +204,29 @@ def test_numbers_of_runs_are_in_per_cent_of_a_length_and_not_below_the_floor(pag
 
 
 @pytest.mark.long
+def test_steps_of_all_runs_are_in_full_for_screen_readers_and_by_the_keyboard(page):
+    """With the digits of the rows, which a page that shows four of them would lose."""
+    page.evaluate("document.querySelector('#runs-tide summary').click()")
+    page.wait_for_selector("#runs-tide table")
+    known = [r for r in Rows.rows if r["case"] == "tide" and r["status"] != "refused"]
+    step = next(r["h"] for r in known if r["solver"] == "pbd" and len(str(r["h"])) > 15)
+    stiffness = next(r["asked"] for r in known if r["solver"] == "penalty")
+    said = page.locator("#runs-tide table").aria_snapshot()
+    assert f"cell \"h = {step}\"" in said and f"cell \"k = {stiffness}\"" in said
+    box = page.get_by_role("checkbox", name="steps in full").first
+    cell = page.locator("#runs-tide td", has_text=f"h = {step}").first
+    width = lambda name: cell.locator(f".{name}").bounding_box()
+    assert width("full")["width"] <= 1 and width("rounded")["width"] > 5
+    box.focus()
+    page.keyboard.press("Space")
+    assert width("full")["width"] > 50 and width("rounded") is None
+    page.set_viewport_size({"width": 390, "height": 800})  # columns are narrower there
+    assert width("full")["width"] < cell.bounding_box()["width"]
+    page.keyboard.press("Space")
+    assert width("full")["width"] <= 1 and page.said == []
+
+
+@pytest.mark.long
 def test_arrow_keys_go_from_case_to_case(page):
     page.mouse.click(5, 400)
     page.keyboard.press("ArrowRight")

@@ -11,7 +11,14 @@ from nsbench.case.scale import Scale
 from nsbench.problem import Affine
 from nsbench.report import assemble, data, scaling, write_report
 from nsbench.report.summary import summarise
-from nsbench.report.tables import error_bar_table, error_table, failure_tables, reliability_tables
+from nsbench.report.tables import (
+    coarsest_table,
+    error_bar_table,
+    error_table,
+    failure_tables,
+    reliability_tables,
+)
+from nsbench.studies.registry import find_study
 from nsbench.study.describe import describe_case
 
 
@@ -154,11 +161,71 @@ def test_the_note_of_error_bars_names_the_methods_whose_estimates_are_too_small(
     """No warning stands in the rows themselves: a reader would believe an estimate of 1e-9."""
     rows = with_estimates("pbd", 1.1, 1.2, 1.3) + with_estimates("catching_up", 1.5, 0.25, 1e-9)
     table = error_bar_table.error_bar_table(summarise(data.read(rows)))
-    said = "2 of 6 estimates of the state are below the error: catching_up on tide (down to 1e-9"
+    said = "of 6 estimates of the state, 2 are below the error: catching_up on tide (down to 1e-9"
     assert said in table.note and "pbd on" not in table.note
     kinds = [r.cells[4].kind for r in table.rows]
     assert kinds == ["number", "bad"]
     table = error_bar_table.error_bar_table(summarise(data.read(rows[:3])))
-    assert "None of 3 estimates of the state is below the error." in table.note
+    assert "of 3 estimates of the state, none is below the error." in table.note
     table = error_bar_table.error_bar_table(summarise(data.read([row("tide", "pbd", 0.1)])))
     assert "estimates of the state" not in table.note
+
+
+def with_bounds(solver, *effectivities):
+    """Rows of runs of `apple` with bounds of the state so many times their errors."""
+    rows = with_estimates(solver, *effectivities)
+    return [r | {"case": "apple", "bound_state": r.pop("estimate_state")} for r in rows]
+
+
+def test_the_note_of_error_bars_tells_proven_bounds_from_estimates():
+    """An estimate below the error must not be read as a proof that failed."""
+    rows = with_estimates("pbd", 1.1, 0.5, 1.3) + with_bounds("pbd", 1.0, 1.2, 1.3)
+    note = error_bar_table.error_bar_table(summarise(data.read(rows))).note
+    assert "Of 3 proven bounds (3 of the state) none is below the error." in note
+    assert note.endswith(
+        "Estimates are no bounds: of 3 estimates of the state, 1 is below the error: "
+        "pbd on tide (down to 0.5 times)."
+    )
+    rows[-1]["bound_reaction"] = rows[-1]["reaction"] = rows[-1]["reaction_norm"] = 0.1
+    note = error_bar_table.error_bar_table(summarise(data.read(rows))).note
+    assert "Of 4 proven bounds (3 of the state and 1 of the reaction) none is" in note
+    note = error_bar_table.error_bar_table(summarise(data.read(rows[:3]))).note
+    assert "proven bounds (" not in note
+
+
+def test_a_proven_bound_below_the_error_is_called_a_fault():
+    """However little is missing."""
+    rows = with_bounds("pbd", 1.1, 1.2, 0.99996) + with_bounds("catching_up", 2.0, 2.0, 2.0)
+    note = error_bar_table.error_bar_table(summarise(data.read(rows))).note
+    assert note.endswith(
+        "Of 6 proven bounds (6 of the state) 1 is below the error, which is a fault: "
+        "pbd on apple (down to 0.999960 times)."
+    )
+
+
+def test_the_largest_steps_are_counted_with_their_failures_and_violations():
+    """Of each case one run of each method, the coarsest that is not refused."""
+    rows = [
+        row("tide", "pbd", 0.1, feasibility=0.5),
+        row("tide", "pbd", 0.05, feasibility=0.9),
+        row("hex", "pbd", 0.1, status="diverged", feasibility=7.0),
+        row("hex", "pbd", 0.2, status="refused"),
+        row("apple", "pbd", 0.1, feasibility=0.3),
+        row("tide", "penalty", 1 / 30, "k", asked=30.0, feasibility=0.2),
+        {**row("tide", "penalty", 1e-3, "k", asked=1000.0), "h": None, "status": "timeout"},
+        row("hex", "catching_up", 0.1, status="refused"),
+    ]
+    read = data.build(data.columns_of(rows), cases={"tide": {"own_length": 2.0}})
+    table = coarsest_table.coarsest_table(read)
+    lines = {r.solver: [(c.text, c.small) for c in r.cells[1:]] for r in table.rows}
+    assert lines == {
+        "pbd": [
+            ("3", ""),
+            ("1", "1 diverged"),
+            ("25 %", "tide, h = 0.1"),
+            ("0.3", "apple, h = 0.1"),
+        ],
+        "penalty": [("1", ""), ("0", ""), ("10 %", "tide, k = 30"), ("none known", "")],
+    }
+    assert [r.cells[2].kind for r in table.rows] == ["bad", "number"]
+    assert f"nsbench study {find_study('stability').name} " in table.note

@@ -230,6 +230,7 @@ def _pair(summary: Summary, case: int, method: int) -> dict:
         "status": runs.col["status"][kept].tolist(),
         "good": np.isin(runs.col["status"][kept], GOOD).astype(int).tolist(),
         "h": column("h"),
+        "exact": _exact(runs, kept),
         "force": _numbers(np.abs(runs.col[force][kept])),
         "inner": _numbers(counted_inner_work(runs)[kept]),
         "metric": force,
@@ -248,6 +249,12 @@ def _pair(summary: Summary, case: int, method: int) -> dict:
     }
     out |= {key: column(name) for key, name in {**METRICS, **COSTS}.items()}
     return out
+
+
+def _exact(runs: Runs, kept: np.ndarray) -> list:
+    """The accuracy parameters of the kept runs with all digits, to repeat them: h, tol or k."""
+    values = runs.col["asked" if runs.accuracy == "k" else "h"][kept]
+    return [float(v) if math.isfinite(v) else None for v in values]
 
 
 def _bars(runs: Runs, columns: dict[str, str], kept: np.ndarray) -> dict[str, list]:

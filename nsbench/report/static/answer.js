@@ -7,43 +7,6 @@ const answer = {
   waiting: null, // the chart to be drawn
   PENALTY: 10, // an error not reached costs so many times the slowest method that reaches it
 
-  // Does a word name a case? name[p=v] names all whose name and those parameters are the same.
-  names(word, name) {
-    const parts = /^([^[\]]+)\[([^\]]*)\]$/;
-    const [asked, found] = [word.match(parts), name.toLowerCase().match(parts)];
-    const given = found ? found[2].split(",") : [];
-    return asked && found && asked[1] === found[1]
-      && asked[2].split(",").every((parameter) => given.includes(parameter));
-  },
-
-  words() {
-    return document.getElementById("answer-words").value.toLowerCase().split(/\s+/).filter(Boolean);
-  },
-
-  // Does a case have a word in its name, class, tags or text?
-  has(one, word) {
-    const about = document.querySelector(`[id="${one.id}"] .about`)?.textContent ?? "";
-    const text = [one.name, one.group, ...one.tags, about].join(" ").toLowerCase();
-    // a number is the value of a parameter: 30 of discs[n=30,seed=0]
-    return /^[\d.]+$/.test(word) ? one.name.split(/[[\],=]/).includes(word)
-      : text.includes(word) || answer.names(word, one.name);
-  },
-
-  // Pairs of the cases chosen by class and words.
-  selection() {
-    const group = document.getElementById("answer-group").value;
-    const words = answer.words();
-    const data = nsbench.data;
-    const cases = new Set();
-    data.cases.forEach((one, k) => {
-      const fits = words.every((word) => answer.has(one, word));
-      if (fits && (!group || one.group === group)) {
-        cases.add(k);
-      }
-    });
-    return { cases: [...cases], pairs: data.pairs.filter((pair) => cases.has(pair.c)) };
-  },
-
   // Seconds of a pair at target k, if they may be compared: a compiled loop that was timed.
   timed(pair, k) {
     const cost = pair.cost[k];
@@ -58,7 +21,7 @@ const answer = {
 
   // Rank the methods: [{method, reached, cheapest, mean, step, failed, refused, trust}].
   rank(k) {
-    const { cases, pairs } = answer.selection();
+    const { cases, pairs } = chosen.pairs();
     const best = new Map(); // by case: the cost of the cheapest, and the slowest seconds
     for (const pair of pairs) {
       const cost = answer.timed(pair, k);
@@ -76,7 +39,7 @@ const answer = {
       const row = rows.get(pair.m) ?? {
         method: pair.m,
         reached: 0,
-        untimed: 0,
+        hosted: [], // cases where it reaches the error, but its seconds are not compared
         cheapest: 0,
         ties: 0,
         logs: new Map(),
@@ -106,7 +69,7 @@ const answer = {
       row.misses.push(...(pair.cost[k] ? [] : [pair]));
       row.cheapest += answer.measured(pair, k) ? 1 : 0;
       const cost = answer.timed(pair, k);
-      row.untimed += pair.cost[k] && !cost ? 1 : 0;
+      row.hosted.push(...(pair.cost[k] && !cost ? [pair.c] : []));
       if (cost) {
         const first = best.get(pair.c);
         // a tie: the lower quartile is not above the upper quartile of the cheapest
@@ -123,6 +86,8 @@ const answer = {
       }
       row.mean = best.size ? Math.exp(sum / best.size) - answer.SHIFT : null;
       row.timed = row.factors.length;
+      row.untimed = row.hosted.length;
+      row.unmeasured = answer.unmeasured(row, best);
     }
     const order = [...rows.values()].filter((row) => row.tried);
     order.sort((a, b) => (b.timed > 0) - (a.timed > 0) || a.mean - b.mean || b.reached - a.reached);
@@ -168,7 +133,7 @@ const answer = {
     const first = rows.find((row) => row.timed);
     if (!cases.length) {
       const { cases: every } = nsbench.data;
-      const unknown = answer.words().filter((word) => !every.some((one) => answer.has(one, word)));
+      const unknown = chosen.words().filter((word) => !every.some((one) => chosen.has(one, word)));
       const all = unknown.map((word) => `“${word}”`).join(" or ");
       target.textContent = unknown.length ? `No case has ${all}.` : "No case has all of this.";
       return;
@@ -185,6 +150,7 @@ const answer = {
     const all = `${cases.length} case${cases.length === 1 ? "" : "s"}`;
     const some = `the ${best.size} of ${all} on which a compiled method reaches it`;
     const over = best.size === cases.length ? all : some;
+    const counted = first.unmeasured && ` (with ten times the slowest for ${first.unmeasured})`;
     const winners = rows.filter((row) => row.cheapest).sort((a, b) => b.cheapest - a.cheapest);
     const words = winners.slice(0, 3).flatMap((row, i) => [
       i ? ", " : "",
@@ -194,7 +160,7 @@ const answer = {
     target.replaceChildren(
       `For an error of ${label} take `,
       nsbench.chip(first.method),
-      `: it has the least mean of seconds over ${over}. Cheapest: `,
+      `: it has the least mean of seconds over ${over}${counted}. Cheapest: `,
       ...words,
       "."
     );
@@ -242,8 +208,7 @@ const answer = {
         const line = nsbench.make("tr", { "data-method": nsbench.data.methods[row.method].name });
         line.append(
           nsbench.make("td", { class: "method" }, explore.chartLink(row.method, null, cases)),
-          row.reached ? cell(row.timed ? `× ${nsbench.format(row.mean / least)}` : "not compared")
-            : answer.missed(row.misses, k, named),
+          row.reached ? answer.mean(row, least) : answer.missed(row.misses, k, named),
           reached,
           cell(row.timed || row.cheapest || !row.untimed
             ? `${row.cheapest}${tie}` : "not compared"),
@@ -256,6 +221,24 @@ const answer = {
         return line;
       })
     );
+  },
+
+  // Which of the cases of a mean were not measured: "11 of 40 missed"; "" where all were.
+  unmeasured({ timed, hosted }, best) {
+    const slow = hosted.filter((c) => best.has(c)).length;
+    const missed = best.size - timed - slow;
+    const all = ` of ${best.size}`;
+    const parts = [missed ? [`${missed}${all} missed`] : [],
+      slow ? [`${slow}${missed ? "" : all} in a host loop`] : []];
+    return parts.flat().join(", ");
+  },
+
+  // A cell for the mean of a method, marked where not all of its cases were measured.
+  mean(row, least) {
+    const marked = row.timed && row.unmeasured;
+    const text = row.timed ? `× ${nsbench.format(row.mean / least)}` : "not compared";
+    return nsbench.make("td", { class: "number" }, text + (marked ? " *" : ""),
+      ...(marked ? [nsbench.make("small", {}, row.unmeasured)] : []));
   },
 
   // Methods that stand in no row of the table, since they refuse every case in it.

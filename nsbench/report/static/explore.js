@@ -239,11 +239,10 @@ const explore = {
       for (const pair of pairs) {
         pair.status.forEach((status, k) => {
           const part = explore.part(pair.violation[k], nsbench.data.cases[c].length);
-          const texts = [nsbench.format(pair.h[k]), status,
-            explore.error(pair.state[k], pair.floors.state),
+          const texts = [status, explore.error(pair.state[k], pair.floors.state),
             explore.error(pair.force[k], pair.floors.force), nsbench.format(pair.violation[k])];
-          const cells = texts.map((text) => nsbench.make("td", { class: "number" }, text));
-          cells[0].title = `${pair.accuracy} = ${pair.h[k]}`; // in full, to repeat the run
+          const cells = [explore.step(pair, k), ...texts.map((text) => [text])]
+            .map((parts) => nsbench.make("td", { class: "number" }, ...parts));
           cells.at(-1).append(...(part ? [nsbench.make("small", {}, part)] : []));
           cells.push(nsbench.make("td", { class: "number" }, nsbench.seconds(pair.seconds[k])));
           const bar = nsbench.barText(pair.bars.state?.[k]);
@@ -256,10 +255,32 @@ const explore = {
       }
       const head = nsbench.make("tr", {},
         ...heads.map((h) => nsbench.make("th", { scope: "col" }, h)));
-      details.append(nsbench.make("div", { class: "wrap", tabindex: "0" },
-        nsbench.make("table", {}, nsbench.make("thead", {}, head), body)));
+      const table = nsbench.make("table", {}, nsbench.make("thead", {}, head), body);
+      details.append(explore.inFull(table),
+        nsbench.make("div", { class: "wrap", tabindex: "0" }, table));
     });
     return details;
+  },
+
+  // What a cell says of the step of run k: rounded for the eye; in full, to repeat the run, for
+  // pointers, screen readers and, with the box of inFull ticked, everybody.
+  step(pair, k) {
+    const rounded = nsbench.format(pair.h[k]);
+    if (pair.exact[k] === null) {
+      return [rounded];
+    }
+    const full = `${pair.accuracy} = ${pair.exact[k]}`;
+    return [
+      nsbench.make("span", { class: "rounded", "aria-hidden": "true", title: full }, rounded),
+      nsbench.make("span", { class: "full" }, full),
+    ];
+  },
+
+  // A box that shows the steps of a table in full.
+  inFull(table) {
+    const box = nsbench.make("input", { type: "checkbox" });
+    box.addEventListener("change", () => table.classList.toggle("in-full", box.checked));
+    return nsbench.make("p", { class: "tools" }, nsbench.make("label", {}, box, " steps in full"));
   },
 
   // An error, or the floor of its reference: what lies below it is not known.

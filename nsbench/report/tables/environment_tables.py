@@ -97,7 +97,7 @@ def repeat_lines(env: dict) -> str:
 nsbench {sanitise(shlex.join(argv))}
 nsbench report {folder}        # this page, from the rows in {folder}
 nsbench run CASE -s METHOD -o again    # all its runs; of one: --h STEP (or --tol, --k), which
-                                       # "All runs" shows in full where the pointer rests on it
+                                       # "All runs" of a case shows, "steps in full" ticked
 
 # work-precision of a case, from runs.parquet (or runs.csv), which holds every number of this page
 import matplotlib.pyplot as plt, pandas

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from nsbench.report.charts.bar_texts import KINDS, measurable
+from nsbench.report.charts.bar_texts import KINDS, QUANTITIES, measurable
 from nsbench.report.data import Runs
-from nsbench.report.style import format_number
+from nsbench.report.style import format_count, format_number
 from nsbench.report.summary import Summary
 from nsbench.report.tables.cells import Cell, Row, Table
 
@@ -38,11 +38,12 @@ def error_bar_table(summaries: dict[tuple, Summary]) -> Table:
             )
         )
     note = (
-        "Error bars are computed from a run alone: proven bounds for convex constraints with flat "
-        "faces, estimates elsewhere, in the 2-norm and largest over the samples. The effectivity "
-        "is error bar over error, over all runs whose error can be measured; a bound below 1 would "
-        f"be a fault. {_too_small(summaries)}"
+        "Error bars are computed from a run alone, in the 2-norm and largest over the samples: "
+        "proven bounds for convex constraints with flat faces, estimates, which nothing proves, "
+        "elsewhere. The effectivity is error bar over error, over all runs whose error can be "
+        "measured."
     )
+    note = " ".join(filter(None, (note, _bounds_held(summaries), _too_small(summaries))))
     columns = (
         "method",
         "kind",
@@ -62,26 +63,58 @@ def _effectivities(runs: Runs, kind: str, quantity: str) -> np.ndarray:
     return bar[seen] / error[seen]
 
 
-def _too_small(summaries: dict[tuple, Summary]) -> str:
-    """Name the methods and cases with estimates of the state below the error, worst first."""
-    found = []
-    count = total = 0
-    for (case, solver), s in summaries.items():
-        ratio = _effectivities(s.runs, "estimate", "state")
-        total += len(ratio)
-        count += int((ratio < 1.0).sum())
-        if len(ratio) and ratio.min() < 1.0:
-            found.append((float(ratio.min()), f"{solver} on {case}"))
+def _bounds_held(summaries: dict[tuple, Summary]) -> str:
+    """Count the proven bounds, and name those below the error, each of which is a fault."""
+    totals = {}
+    low = []
+    for quantity in QUANTITIES.values():
+        totals[quantity], found = _below(summaries, "bound", quantity)
+        low += found
+    total = sum(totals.values())
     if not total:
         return ""
-    if not count:
-        return f"None of {total} estimates of the state is below the error."
-    names = [f"{name} (down to {format_number(low)} times)" for low, name in sorted(found)]
+    parts = " and ".join(f"{n} of the {quantity}" for quantity, n in totals.items() if n)
+    counted = f"{format_count(total, 'proven bound')} ({parts})"
+    if not low:
+        return f"Of {counted} none is below the error."
+    return f"Of {counted} {_are(low)} below the error, which is a fault: {_name(low, 6)}."
+
+
+def _too_small(summaries: dict[tuple, Summary]) -> str:
+    """Count the estimates of the state, and name those below the error, worst first."""
+    total, low = _below(summaries, "estimate", "state")
+    if not total:
+        return ""
+    counted = f"Estimates are no bounds: of {format_count(total, 'estimate')} of the state"
+    if not low:
+        return f"{counted}, none is below the error."
+    return f"{counted}, {_are(low)} below the error: {_name(low, 2)}."
+
+
+def _below(summaries: dict[tuple, Summary], kind: str, quantity: str) -> tuple[int, list]:
+    """Count the error bars of a kind; return that and effectivity and name of each below 1."""
+    total = 0
+    low = []
+    for (case, solver), s in summaries.items():
+        ratio = _effectivities(s.runs, kind, quantity)
+        total += len(ratio)
+        low += [(float(r), f"{solver} on {case}") for r in ratio[ratio < 1.0]]
+    return total, low
+
+
+def _are(low: list) -> str:
+    """Write "1 is" or "3 are"."""
+    return f"{len(low)} {'is' if len(low) == 1 else 'are'}"
+
+
+def _name(low: list[tuple[float, str]], digits: int) -> str:
+    """Name methods and cases with their least effectivity to so many digits, worst first."""
+    least = {}
+    for ratio, name in sorted(low):
+        least.setdefault(name, ratio)
+    names = [f"{name} (down to {format_number(r, digits)} times)" for name, r in least.items()]
     more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
-    return (
-        f"{count} of {total} estimates of the state are below the error: "
-        f"{', '.join(names[:MOST_NAMED])}{more}."
-    )
+    return f"{', '.join(names[:MOST_NAMED])}{more}"
 
 
 def _range(runs: Runs, kind: str, quantity: str) -> Cell:
