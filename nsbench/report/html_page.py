@@ -59,6 +59,7 @@ LINKED_TABLES = {  # tables to whose rows the section of a case leads, and the w
     "errors": "errors and residuals at the finest step",
     "references": "the reference and how far to rely on it",
 }
+STYLES = ("page.css", "interactive.css")
 PLAYER_SCRIPTS = ("charts.js", "scenes.js", "player.js", "start.js")  # of a page with one player
 SCRIPTS = ("page.js", "chosen.js", "answer.js", "explore.js", "save.js", *PLAYER_SCRIPTS)
 _URI_SAFE = " !$()*+,-./:;=?@[]^_`{|}~"  # characters that stay as they are in a data URI
@@ -143,7 +144,7 @@ def render_study_page(study: StudySection, title: str = "", heading: str = "") -
 
 def render_player_page(title: str, lede: str, player: dict) -> str:
     """Render the HTML document of one player alone."""
-    style = Markup("\n").join([*_theme_rules(), _read_static("page.css")])
+    style = Markup("\n").join([*_theme_rules(), *map(_read_static, STYLES)])
     script = Markup("\n").join(map(_read_static, PLAYER_SCRIPTS))
     page = _environment().get_template("player_page.html").render(
         title=title,
@@ -167,7 +168,7 @@ def _theme_rules() -> list[Markup]:
 def _render(looks: dict[str, Look], payload: str, **names) -> str:
     """Render the page with these names, the markers of the methods and the sentence splitter."""
     definitions = f'<svg class="defs" width="0" height="0">{define_markers(looks.values())}'
-    rules = [*_theme_rules(), _read_static("page.css"), Markup(_marker_rules(looks.values()))]
+    rules = [*_theme_rules(), *map(_read_static, STYLES), Markup(_marker_rules(looks.values()))]
     style = Markup("\n").join(rules)
     scripts = [name for name in SCRIPTS if payload or name == "page.js"]
     script = Markup("\n").join(map(_read_static, scripts))

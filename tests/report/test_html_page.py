@@ -86,7 +86,8 @@ def test_sentences_are_split_at_names_of_methods_and_small_numbers():
 
 def test_colours_are_defined_once():
     """The style sheet names colours; only paper and the ground of stored scenes are fixed there."""
-    css = (FOLDER / "static" / "page.css").read_text(encoding="utf-8")
+    sheets = [FOLDER / "static" / name for name in html_page.STYLES]
+    css = "".join(sheet.read_text(encoding="utf-8") for sheet in sheets)
     screen = css.split("@media print")[0]
     assert screen.count("#fff") == 1 and not set(style.LIGHT_THEME.values()) & set(css.split())
     used = set(style.LIGHT_THEME) | {"text", "sans", "mono"}

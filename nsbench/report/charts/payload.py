@@ -184,13 +184,19 @@ def _marks(pair: dict, y: str, x: str) -> list[dict]:
         known = [k for k, e in enumerate(errors) if pair["good"][k] and e]
         return [mark(min(known, key=errors.__getitem__), "level")] if known else []
     out = []
-    for k, at in enumerate(pair[x]):
+    for k, at in enumerate(_steps(pair) if x == "h" else pair[x]):
         good = pair["good"][k]
         if at and at > 0.0 and good and errors[k] is not None:
             out.append({**mark(k, "error" if errors[k] > 0.0 else "zero"), "x": at})
         elif at and at > 0.0 and not good and pair["status"][k] != "refused":
             out.append({**mark(k, "failed"), "x": at})
     return out
+def _steps(pair: dict) -> list:
+    """The steps of the runs of a pair, as the page takes them from `asked`: h, tol or 1/k."""
+    is_k = pair["accuracy"] == "k"
+    return [1.0 / value if value and is_k else value for value in pair["asked"]]
+
+
 def _best(content: Content, case: str, target: float, position: dict[str, int]) -> list | None:
     """The best method at a target: its number, and what it needs where no run reached the error
     (else ""); None where there is none."""
@@ -214,7 +220,7 @@ def _pair(summary: Summary, case: int, method: int) -> dict:
     needs: one entry per target, null or [step, seconds] that reach it by extrapolation; [] without
     any. bars: by metric, of those that have some,
     one entry per run: null, or [kind, error bar, error, 1 if that error is measurable], both in the
-    2-norm.
+    2-norm. The page takes the step h of a run from `asked`: 1/k of a run with k.
     """
     runs = summary.runs
     kept = np.unique(np.linspace(0, len(runs) - 1, min(len(runs), MAX_RUNS)).astype(int))
@@ -229,8 +235,7 @@ def _pair(summary: Summary, case: int, method: int) -> dict:
         "accuracy": runs.accuracy,
         "status": runs.col["status"][kept].tolist(),
         "good": np.isin(runs.col["status"][kept], GOOD).astype(int).tolist(),
-        "h": column("h"),
-        "exact": _exact(runs, kept),
+        "asked": _all_digits(runs, kept),
         "force": _numbers(np.abs(runs.col[force][kept])),
         "inner": _numbers(counted_inner_work(runs)[kept]),
         "metric": force,
@@ -251,8 +256,8 @@ def _pair(summary: Summary, case: int, method: int) -> dict:
     return out
 
 
-def _exact(runs: Runs, kept: np.ndarray) -> list:
-    """The accuracy parameters of the kept runs with all digits, to repeat them: h, tol or k."""
+def _all_digits(runs: Runs, kept: np.ndarray) -> list:
+    """List h, tol or k of the kept runs with all digits, to repeat them; None where unknown."""
     values = runs.col["asked" if runs.accuracy == "k" else "h"][kept]
     return [float(v) if math.isfinite(v) else None for v in values]
 

@@ -15,6 +15,10 @@ const nsbench = {
     const bytes = Uint8Array.from(atob(element.textContent.trim()), (c) => c.charCodeAt(0));
     const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
     nsbench.data = JSON.parse(await new Response(stream).text());
+    for (const pair of nsbench.data.pairs) {
+      const step = (value) => (value && pair.accuracy === "k" ? 1 / value : value);
+      pair.h = pair.asked.map(step);
+    }
     return nsbench.data;
   },
 

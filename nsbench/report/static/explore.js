@@ -266,10 +266,10 @@ const explore = {
   // pointers, screen readers and, with the box of inFull ticked, everybody.
   step(pair, k) {
     const rounded = nsbench.format(pair.h[k]);
-    if (pair.exact[k] === null) {
+    if (pair.asked[k] === null) {
       return [rounded];
     }
-    const full = `${pair.accuracy} = ${pair.exact[k]}`;
+    const full = `${pair.accuracy} = ${pair.asked[k]}`;
     return [
       nsbench.make("span", { class: "rounded", "aria-hidden": "true", title: full }, rounded),
       nsbench.make("span", { class: "full" }, full),
