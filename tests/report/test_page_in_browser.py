@@ -171,6 +171,17 @@ def test_a_case_leads_to_its_rows_alone(page):
 
 
 @pytest.mark.long
+@pytest.mark.parametrize("words", ['"pbd" tide', 'tide "pbd"', '"tide" "pbd"', "TIDE \"pbd\""])
+def test_whole_names_and_words_select_rows_together(page, words):
+    page.fill("#q", words)
+    shown = page.evaluate(
+        "[...document.querySelectorAll('#t-orders tbody tr:not(.group)')]"
+        ".filter((row) => !row.hidden).map((row) => [row.dataset.case, row.cells[0].textContent])"
+    )
+    assert shown == [["tide", "pbd"]]
+
+
+@pytest.mark.long
 def test_error_bars_stand_in_tooltips_and_runs_where_there_are_some(page):
     of_case = "(c) => nsbench.data.pairs.filter((p) => nsbench.data.cases[p.c].name === c)"
     for case, metric, shown in (("apple", "state", 1), ("apple", "force", 0), ("tide", "state", 0)):

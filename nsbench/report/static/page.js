@@ -74,8 +74,7 @@ const pictures = {
     if (!table) {
       return;
     }
-    const words = query.value.toLowerCase().split(/\s+/).filter(Boolean);
-    const exact = query.value.trim().match(/^"(.+)"$/)?.[1]; // the whole name of case or method
+    const words = query.value.match(/"[^"]+"|[^\s"]+/g) ?? [];
     let heading = null;
     let anyShown = false;
 
@@ -93,8 +92,11 @@ const pictures = {
         continue;
       }
       const text = (row.dataset.case + " " + row.textContent).toLowerCase();
-      const named = [row.dataset.case, row.cells[0].textContent].includes(exact);
-      const matches = exact ? named : words.every((word) => text.includes(word));
+      const names = [row.dataset.case, row.cells[0].textContent];
+      // in quotes: the whole name of case or method
+      const has = (word) => (word.startsWith('"') ? names.includes(word.slice(1, -1))
+        : text.includes(word.toLowerCase()));
+      const matches = words.every(has);
       row.hidden = !matches || (!refusals.checked && row.dataset.kind === "refused");
       anyShown = anyShown || !row.hidden;
     }
