@@ -233,6 +233,7 @@ def _add_show(verbs) -> None:
         metavar="FILE",
         help="write the run as a moving scene: a page in one file that works offline",
     )
+    verb.add_argument("--gif", metavar="FILE", help="write the run as a film, an animated GIF")
 
 
 def _add_step(verbs) -> None:

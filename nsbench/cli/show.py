@@ -1,6 +1,6 @@
 """`nsbench show`: describe a case, or run one solver on it and print status, work and errors.
 
-With --html the run is written as a moving scene too.
+With --html the run is written as a moving scene too, with --gif as a film.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ def command(args: argparse.Namespace, say: Callable[[str], None]) -> int:
         f"{case.t[-1]:g}, {len(case.t)} samples"
     )
     if args.solver is None:
-        if args.html:
-            raise ValueError("--html shows a run: name its solver with -s")
+        if args.html or args.gif:
+            raise ValueError("--html and --gif show a run: name its solver with -s")
         say(case.doc)
         for name in solvers.standard():
             say(f"  {name:<32} {solvers.get(name).refuses(case) or 'runs'}")
@@ -64,6 +64,12 @@ def _show_run(case: Case, args, say) -> int:
         say(f"  t = {event.t:.12g}  {event.kind}  {event.contact}")
     if args.html:
         say(str(_write_player(case, args, traj)))
+    if args.gif:
+        from nsbench.report.scenes.film import film_gif
+        from nsbench.results.atomic_write import write_atomically
+
+        write_atomically(Path(args.gif), film_gif(case, traj))
+        say(args.gif)
     return FINE if traj.status.code in EXPECTED_STATUSES else FAILED
 
 

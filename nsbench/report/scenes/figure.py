@@ -213,8 +213,16 @@ def find_own_drawing(name: str, source: str):
     return getattr(module, "draw", None)
 
 
-def _figure(case, frames, width):
-    """A Figure with one panel per frame side by side, all with the same scale."""
+def film_panel(case: Case, frame: Frame, film: list[Frame]) -> Figure:
+    """Draw one frame of a film: all have the limits that hold the whole film."""
+    return _figure(case, [frame], SINGLE_WIDTH, film)
+
+
+def _figure(case, frames, width, within=()):
+    """A Figure with one panel per frame side by side, all with the same scale.
+
+    within: frames that the limits hold too.
+    """
     import matplotlib
     from matplotlib.figure import Figure
 
@@ -232,7 +240,7 @@ def _figure(case, frames, width):
     with matplotlib.rc_context(STYLE), warnings.catch_warnings():
         # glyphs that no font has here; the reader's fonts draw them
         warnings.simplefilter("ignore")
-        box = _limits(case, frames, kind)
+        box = _limits(case, [*frames, *within], kind)
         inner = width - left - right
         ratio = (box[3] - box[2]) / (box[1] - box[0])
         ratio = (
