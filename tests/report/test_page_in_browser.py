@@ -279,6 +279,12 @@ def test_a_phone_scrolls_one_way(open_page):
     page.set_viewport_size({"width": 390, "height": 844})
     page.wait_for_selector(DRAWN)
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    beyond = (  # a section that is laid out as it comes into view cuts what lies outside of it
+        "[...document.querySelectorAll('section .wrap')].filter((wrap) => "
+        "wrap.getBoundingClientRect().right > "
+        "wrap.closest('section').getBoundingClientRect().right + 0.5).length"
+    )
+    assert page.evaluate(beyond) == 0
 
 
 @pytest.mark.long
